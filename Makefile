@@ -1,0 +1,42 @@
+# make demo    drive a simulated robot from a web page, on this machine    [PORT=8000] [LAN=1] [RESET=1]
+# make test    set up what the tests need, and run all of them
+# make lint    style, types, and the direction of imports
+# make bench   the benchmarks; results in benchmarks/results
+# make docs    write the generated reference again
+# make lock    resolve the dependencies again
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+export PORT LAN RESET
+
+.PHONY: demo test lint bench docs lock setup setup-dev screenshots
+.DEFAULT_GOAL := demo
+
+demo: setup
+	@exec $(BIN)/python manage.py demo
+
+setup:
+	@sh deploy/set_up.sh "$(PYTHON)" "$(VENV)" requirements.lock
+
+setup-dev:
+	@sh deploy/set_up.sh "$(PYTHON)" "$(VENV)" requirements-dev.lock
+	@sh deploy/test_packages.sh
+
+test: setup-dev
+	@BIN="$(BIN)" sh deploy/run_tests.sh
+
+lint: setup-dev
+	@BIN="$(BIN)" sh deploy/run_tests.sh lint
+
+bench: setup-dev
+	$(BIN)/python -m benchmarks
+
+screenshots: setup-dev
+	$(BIN)/python -m tests.browser.screenshots
+
+docs: setup-dev
+	$(BIN)/python -m robots.api.reference
+
+lock:
+	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 pyproject.toml -o requirements.lock
+	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --group dev pyproject.toml -o requirements-dev.lock

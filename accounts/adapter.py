@@ -1,0 +1,26 @@
+"""How django-allauth treats this site's accounts."""
+
+from allauth.account.adapter import DefaultAccountAdapter
+from django.conf import settings
+from django.forms import BaseForm
+from django.http import HttpRequest
+
+from accounts.attempts import address_of
+from accounts.models import User
+
+
+class AccountAdapter(DefaultAccountAdapter):
+    """Keeps the shown name of the sign-up form, and closes sign-up where the site says so."""
+
+    def is_open_for_signup(self, request: HttpRequest) -> bool:  # noqa: ARG002 -- allauth's signature
+        """Tell whether visitors may make their own accounts."""
+        return settings.SIGNUP_OPEN
+
+    def get_client_ip(self, request: HttpRequest) -> str:
+        """Return whose attempts are counted: behind a proxy of ours its visitor, not the proxy, which would be everybody."""
+        return address_of(request)
+
+    def save_user(self, request: HttpRequest, user: User, form: BaseForm, commit: bool = True) -> User:  # noqa: FBT001, FBT002 -- allauth's signature
+        """Store a new account, with the name that others are to see."""
+        user.display_name = form.cleaned_data.get("display_name", "")
+        return super().save_user(request, user, form, commit=commit)

@@ -1,0 +1,115 @@
+"""People in the administration: who they are, when they came, and what they may do."""
+
+import uuid
+from typing import Any
+
+from django.contrib import admin
+from django.contrib.auth.admin import UserAdmin
+from django.db.models import Q, QuerySet
+from django.http import HttpRequest
+from django.utils.translation import gettext_lazy as _
+
+from accounts.models import AuditEntry, User
+
+RIGHTS = ("is_active", "is_staff", "is_superuser", "groups", "user_permissions")
+
+
+@admin.register(User)
+class PersonAdmin(UserAdmin):
+    """Visitors, researchers and owners in one list; the newest first."""
+
+    list_display = ("username", "display_name", "email", "date_joined", "last_login", "is_staff", "is_active")
+    list_filter = ("is_staff", "is_superuser", "is_active", "date_joined", "groups")
+    search_fields = ("username", "display_name", "email")
+    date_hierarchy = "date_joined"
+    ordering = ("-date_joined",)
+    list_per_page = 50
+    readonly_fields = ("last_login", "date_joined")
+    fieldsets = (
+        (None, {"fields": ("username", "password")}),
+        (_("Person"), {"fields": ("display_name", "email")}),
+        (_("Visits"), {"fields": ("date_joined", "last_login")}),
+        (_("Rights"), {"classes": ("collapse",), "fields": RIGHTS}),
+    )
+    add_fieldsets = ((None, {"classes": ("wide",), "fields": ("username", "display_name", "email", "usable_password", "password1", "password2")}),)
+    actions = ("close_accounts", "open_accounts")
+
+    # --- who may: whoever was allowed to change people is not thereby allowed to become an administrator ---------------
+
+    def has_change_permission(self, request: HttpRequest, obj: User | None = None) -> bool:
+        """An administrator's account, and with it their password, is changed by administrators alone."""
+        return super().has_change_permission(request, obj) and _is_below(request, obj)
+
+    def has_delete_permission(self, request: HttpRequest, obj: User | None = None) -> bool:
+        """And deleted by them alone."""
+        return super().has_delete_permission(request, obj) and _is_below(request, obj)
+
+    def get_readonly_fields(self, request: HttpRequest, _obj: User | None = None) -> tuple[str, ...]:
+        """Rights are given by administrators alone."""
+        return self.readonly_fields if _user(request).is_superuser else (*self.readonly_fields, *RIGHTS)
+
+    @admin.action(description=_("Close the chosen accounts"), permissions=["change"])
+    def close_accounts(self, request, queryset) -> None:  # noqa: ANN001 -- Django's signature
+        """Keep the chosen people from logging in; their records stay. Nobody closes their own account by mistake."""
+        count = _of(request, queryset).exclude(pk=request.user.pk).update(is_active=False)
+        self.message_user(request, _("%(n)d accounts closed.") % {"n": count})
+
+    @admin.action(description=_("Open the chosen accounts again"), permissions=["change"])
+    def open_accounts(self, request, queryset) -> None:  # noqa: ANN001 -- Django's signature
+        """Let the chosen people log in again."""
+        self.message_user(request, _("%(n)d accounts opened.") % {"n": _of(request, queryset).update(is_active=True)})
+
+
+@admin.register(AuditEntry)
+class AuditAdmin(admin.ModelAdmin):
+    """Who did what to whom: to look at and to filter, and for administrators alone, because it tells of everybody."""
+
+    list_display = ("at", "act", "actor", "person", "robot", "study", "thing", "detail")
+    list_filter = ("act", "at", "robot", "study")
+    search_fields = ("=actor", "=person", "thing", "robot", "study")
+    search_help_text = _("The id of a person or a thing, or the name of a robot or a study.")
+    date_hierarchy = "at"
+    list_per_page = 100
+    show_full_result_count = False
+
+    def has_module_permission(self, request: HttpRequest) -> bool:
+        """Administrators."""
+        return bool(_user(request).is_active and _user(request).is_superuser)
+
+    def has_view_permission(self, request: HttpRequest, _obj: AuditEntry | None = None) -> bool:
+        """Administrators."""
+        return self.has_module_permission(request)
+
+    def has_add_permission(self, _request: HttpRequest) -> bool:
+        """Nobody writes entries by hand."""
+        return False
+
+    def has_change_permission(self, _request: HttpRequest, _obj: AuditEntry | None = None) -> bool:
+        """Nor changes them."""
+        return False
+
+    def has_delete_permission(self, _request: HttpRequest, _obj: AuditEntry | None = None) -> bool:
+        """Nor deletes them."""
+        return False
+
+    def get_search_results(self, _request: HttpRequest, queryset: "QuerySet[AuditEntry]", search_term: str) -> tuple[Any, bool]:
+        """An id is sought among people, and anything among things; what is no id is no person's."""
+        try:
+            key = uuid.UUID(search_term.strip())
+        except ValueError:
+            words = search_term.strip()
+            found = Q(thing__icontains=words) | Q(robot__icontains=words) | Q(study__icontains=words)
+            return (queryset.filter(found) if words else queryset), False
+        return queryset.filter(Q(actor=key) | Q(person=key) | Q(thing__icontains=str(key))), False
+
+
+def _user(request: HttpRequest) -> Any:
+    return request.user
+
+
+def _is_below(request: HttpRequest, obj: User | None) -> bool:
+    return obj is None or not obj.is_superuser or _user(request).is_superuser
+
+
+def _of(request: HttpRequest, people: "QuerySet[User]") -> "QuerySet[User]":
+    return people if _user(request).is_superuser else people.filter(is_superuser=False)

@@ -1,0 +1,10 @@
+"""Addresses of the app."""
+
+from django.urls import URLPattern, URLResolver, include, path
+
+from accounts.views import Profile
+
+urlpatterns: list[URLPattern | URLResolver] = [
+    path("profile/", Profile.as_view(), name="profile"),
+    path("i18n/", include("django.conf.urls.i18n")),
+]

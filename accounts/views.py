@@ -1,0 +1,25 @@
+"""A visitor's own page; everything about logging in is django-allauth's, in this site's dress."""
+
+from typing import Any
+
+from django.contrib.auth.mixins import LoginRequiredMixin
+from django.contrib.messages.views import SuccessMessageMixin
+from django.urls import reverse_lazy
+from django.utils.translation import gettext_lazy as _
+from django.views.generic import UpdateView
+
+from accounts.forms import ProfileForm
+from accounts.models import User
+
+
+class Profile(LoginRequiredMixin, SuccessMessageMixin, UpdateView):
+    """The shown name, and the ways to e-mail address and password. Always the visitor's own."""
+
+    form_class = ProfileForm
+    template_name = "accounts/profile.html"
+    success_url = reverse_lazy("profile")
+    success_message = _("Saved.")
+
+    def get_object(self, queryset: Any = None) -> User:  # noqa: ARG002 -- Django's signature
+        """Return a fresh copy, so that a refused change does not show in the page's header."""
+        return User.objects.get(pk=self.request.user.pk)

@@ -1,0 +1,1 @@
+"""What the project promises about time and load, measured; results in benchmarks/results."""

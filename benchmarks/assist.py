@@ -1,0 +1,285 @@
+"""What assisted driving is good for: a careless driver who hits nothing, and a novice who gets through doors.
+
+The careless driver holds forward, turns at random, and goes back or turns away only when nothing moves any more. He drives every
+robot in every site that is shipped. A collision is a contact with anything that begins while the robot moves (its fastest
+corner above 0.02 m/s). The novice sees what was 0.3 s ago, aims some degrees beside the middle of the door, presses a key too late
+and lets go of it too late, and backs off when stuck. Every start is driven once at each level.
+
+Headless and faster than time: the world at 50 Hz, the laser at its own rate. Runs are judged on seeds from 1000; what was tuned was
+tuned on seeds below (`--first`). `--runs` drives of `--minutes` each, per robot, site and level.
+"""
+
+import argparse
+import math
+import sys
+import time
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from benchmarks.table import Figure, keep
+from robots.agent.motion import ZERO, ramp
+from robots.agent.navigation.assist import Assist, Assisted
+from robots.agent.navigation.obstacles import ObstacleMemory
+from robots.agent.simulator.profiles import MODELS, RobotModel
+from robots.agent.simulator.simulation import Simulation
+from robots.agent.world.sites import load_site, shipped_sites
+from robots.api.floorplan import FloorPlan
+from robots.api.geometry import Pose2D, wrap_angle
+from robots.api.messages import AssistLevel, Velocity
+
+TICK = 0.02
+STANDS = 0.02
+LEVELS: tuple[AssistLevel, ...] = ("off", "slow", "steer")
+JUDGED = 1000
+REACTION = 0.3
+PATIENCE = 60.0
+
+
+class Rig:
+    """A simulated robot, driven through the assistance as the agent drives it: a ramp of commands at 50 Hz, odometry and laser."""
+
+    def __init__(self, simulation: Simulation, level: AssistLevel) -> None:
+        self.world, self.level = simulation, level
+        model = simulation.model
+        self.memory = ObstacleMemory()
+        self.assist = Assist(model.footprint, model.limits)
+        self.own, self.told = ZERO, ZERO
+        self.collisions, self.touches = 0, 0
+        self.seconds: list[float] = []
+        self.last: Assisted | None = None
+        self._scan_due = 0.0
+
+    def drive(self, wanted: Velocity) -> None:
+        """Let one tick pass with this on the stick."""
+        self._look()
+        asked = ramp(self.own, wanted, self.world.model.limits, dt=TICK, dt_up=TICK)
+        points, errors = self.memory.about(self.world.odometry, self.assist.reach)
+        began = time.thread_time()
+        self.last = self.assist.shape(asked, self.told, points, self.level, errors=errors, silence=self.world.time - self.memory.seen)
+        self.seconds.append(time.thread_time() - began)
+        self.told, self.own = self.last.velocity, self.last.own
+        self._step()
+
+    @property
+    def stands(self) -> bool:
+        """Tell whether the robot hardly moves."""
+        return self._speed() < STANDS
+
+    def _speed(self) -> float:
+        return abs(self.world.motion.linear) + self.world.model.radius * abs(self.world.motion.angular)
+
+    def _step(self) -> None:
+        self.world.command(self.told.linear, self.told.angular)
+        speed, before = self._speed(), self.world.contacts
+        self.world.step(TICK)
+        began = self.world.contacts - before
+        self.touches += began
+        self.collisions += began if speed > STANDS else 0
+
+    def _look(self) -> None:
+        if self.world.time + 1e-9 < self._scan_due:
+            return
+        self._scan_due = self.world.time + 1.0 / self.world.model.laser.rate
+        beams = self.world.beams()
+        if beams is not None:
+            self.memory.update(self.world.odometry, beams)
+
+
+@dataclass
+class Careless:
+    """Holds forward and turns at random; turns on the spot or goes back when nothing moves, and does not look where."""
+
+    rng: np.random.Generator
+    stick: Velocity = ZERO
+    until: float = 0.0
+    stood: float = 0.0
+
+    def wish(self, rig: Rig) -> Velocity:
+        """Return what is on the stick now."""
+        now, limits = rig.world.time, rig.world.model.limits
+        self.stood = self.stood + TICK if rig.stands else 0.0
+        if self.stood > 1.5:
+            self.stood, self.until = 0.0, now + float(self.rng.uniform(0.5, 4.0))
+            back = -limits.reverse if self.rng.random() < 0.3 else 0.0
+            self.stick = Velocity(linear=back, angular=float(self.rng.choice([-1.0, 1.0])) * limits.angular)
+        elif now >= self.until:
+            self.until = now + float(self.rng.uniform(0.3, 4.0))
+            turn = float(self.rng.choice([0.0, 0.0, 1.0, -1.0, float(self.rng.uniform(-1.0, 1.0))]))
+            self.stick = Velocity(linear=limits.linear, angular=turn * limits.angular)
+        return self.stick
+
+
+def careless_drive(plan: FloorPlan, model: RobotModel, level: AssistLevel, seed: int, minutes: float) -> Rig:
+    """Return a robot after a drive from one of the plan's starts."""
+    rng = np.random.default_rng(seed)
+    start = plan.starts[int(rng.integers(len(plan.starts)))].name
+    rig = Rig(Simulation(model, plan, seed=seed, start=start, charge=1.0), level)
+    driver = Careless(rng)
+    while rig.world.time < 60.0 * minutes:
+        rig.drive(driver.wish(rig))
+        rig.world.charge = 1.0
+    return rig
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A way through a door: its middle, and the direction through it."""
+
+    name: str
+    x: float
+    y: float
+    theta: float
+
+    def beyond(self, ahead: float, aside: float = 0.0) -> tuple[float, float]:
+        """Return the point so far beyond the door's middle."""
+        return Pose2D(self.x, self.y, self.theta).apply(ahead, aside)
+
+    def within(self, pose: Pose2D) -> tuple[float, float]:
+        """Return how far a robot is beyond the door, and how far to the left of its middle."""
+        return Pose2D(self.x, self.y, self.theta).inverse().apply(pose.x, pose.y)
+
+
+@dataclass
+class Novice:
+    """Steers with keys towards the middle of a door and then beyond it, seeing what was `REACTION` seconds ago."""
+
+    rng: np.random.Generator
+    door: Crossing
+    seen: deque[Pose2D] = field(default_factory=deque)
+    error: float = 0.0
+    turning: float = 0.0
+    stood: float = 0.0
+    back_until: float = 0.0
+    ahead: bool = False
+
+    def wish(self, rig: Rig) -> Velocity:
+        """Return which keys are pressed now."""
+        world, limits = rig.world, rig.world.model.limits
+        self.seen.append(world.pose)
+        if len(self.seen) <= REACTION / TICK:
+            return ZERO
+        pose = self.seen.popleft()
+        # The error of the eye wanders, 8 degrees (standard deviation) in some seconds.
+        self.error += -self.error * TICK / 2.0 + math.radians(8.0) * math.sqrt(TICK) * float(self.rng.standard_normal())
+        along, aside = self.door.within(pose)
+        goal = self.door.beyond(1.1 if along > -0.4 or abs(aside) < 0.15 else 0.0)
+        wrong = wrap_angle(math.atan2(goal[1] - pose.y, goal[0] - pose.x) + self.error - pose.theta)
+        pressed = abs(wrong) > math.radians(10.0) or (self.turning != 0.0 and abs(wrong) > math.radians(4.0))
+        self.turning = math.copysign(1.0, wrong) if pressed else 0.0
+        self.stood = self.stood + TICK if rig.stands else 0.0
+        if self.stood > 1.2:
+            self.stood, self.back_until = 0.0, world.time + float(self.rng.uniform(1.5, 3.0))
+        if world.time < self.back_until:
+            return Velocity(linear=-limits.reverse, angular=0.0)
+        self.ahead = abs(wrong) < math.radians(40.0 if self.ahead else 15.0)
+        return Velocity(linear=limits.linear if self.ahead else 0.0, angular=self.turning * limits.angular)
+
+
+def crossings(plan: FloorPlan) -> list[Crossing]:
+    """Return every door and passage of a plan, both ways."""
+    found = []
+    for gap in (*plan.doors, *plan.passages):
+        (x0, y0), (x1, y1) = gap.start, gap.end
+        across = math.atan2(y1 - y0, x1 - x0) + math.pi / 2.0
+        found += [Crossing(gap.name, (x0 + x1) / 2.0, (y0 + y1) / 2.0, wrap_angle(across + turn)) for turn in (0.0, math.pi)]
+    return found
+
+
+def novice_start(plan: FloorPlan, model: RobotModel, crossing: Crossing, rng: np.random.Generator) -> Simulation | None:
+    """Return a robot before a door, aside of it and not quite turned to it; None where nothing free is found."""
+    for _ in range(50):
+        x, y = crossing.beyond(-float(rng.uniform(1.1, 1.8)), float(rng.uniform(-0.6, 0.6)))
+        theta = wrap_angle(crossing.theta + float(rng.uniform(-0.7, 0.7)))
+        if plan.room_at(x, y) is None:
+            continue
+        try:
+            world = Simulation(model, plan, seed=int(rng.integers(1 << 30)), start=f"{x},{y},{theta}", charge=1.0)
+        except ValueError:
+            continue
+        if world.clearance() > 0.15:
+            return world
+    return None
+
+
+def novice_drive(plan: FloorPlan, model: RobotModel, crossing: Crossing, level: AssistLevel, seed: int) -> tuple[float, int] | None:
+    """Return the seconds that a novice takes through a door, at most `PATIENCE`, and the contacts; None where there is no start."""
+    rng = np.random.default_rng([seed, *crossing.name.encode(), round(100.0 * (crossing.theta + math.pi))])
+    world = novice_start(plan, model, crossing, rng)
+    if world is None:
+        return None
+    rig, driver = Rig(world, level), Novice(rng, crossing)
+    while world.time < PATIENCE and crossing.within(world.pose)[0] < model.radius + 0.2:
+        rig.drive(driver.wish(rig))
+    return world.time, rig.touches
+
+
+def through(plan: FloorPlan, model: RobotModel, crossing: Crossing, level: AssistLevel, seeds: range) -> tuple[float, float]:
+    """Return the mean seconds and contacts of a novice at one door."""
+    drives = [drive for seed in seeds if (drive := novice_drive(plan, model, crossing, level, seed)) is not None]
+    return float(np.mean([seconds for seconds, _ in drives])), float(np.mean([contacts for _, contacts in drives]))
+
+
+def careless(first: int, runs: int, minutes: float) -> list[Figure]:
+    """Drive carelessly everywhere, and return the figures."""
+    figures = []
+    for level in LEVELS:
+        driven, hits, touches, way, costs = 0.0, 0, 0, 0.0, list[float]()
+        for site in shipped_sites():
+            for model in MODELS.values():
+                for seed in range(first, first + (runs if level != "off" else 1)):
+                    rig = careless_drive(load_site(site).plan, model, level, seed, minutes)
+                    driven, hits, touches, way = (
+                        driven + rig.world.time / 60.0,
+                        hits + rig.collisions,
+                        touches + rig.touches,
+                        way + rig.world.distance,
+                    )
+                    costs += rig.seconds
+                    print(
+                        f"careless {level:<5} {site} {model.series} seed {seed}: {rig.collisions} collisions, {rig.world.distance:.0f} m", flush=True
+                    )
+        bound = None if level == "off" else 0.0
+        figures += [
+            Figure(f"careless, {level}: collisions", hits, "", bound),
+            Figure(f"careless, {level}: contacts of any speed", touches, ""),
+            Figure(f"careless, {level}: driven", driven, "min"),
+            Figure(f"careless, {level}: way a minute", way / driven, "m"),
+            Figure(f"careless, {level}: one answer, p50", float(np.percentile(costs, 50)) * 1000.0, "ms"),
+            Figure(f"careless, {level}: one answer, p99", float(np.percentile(costs, 99)) * 1000.0, "ms"),
+        ]
+    return figures
+
+
+def novice(first: int, runs: int) -> list[Figure]:
+    """Let a novice through every door at every level, and return the figures."""
+    figures, failed = [], 0
+    for site in shipped_sites():
+        plan = load_site(site).plan
+        for model in MODELS.values():
+            for crossing in crossings(plan):
+                found = {level: through(plan, model, crossing, level, range(first, first + runs)) for level in LEVELS}
+                for level, (seconds, contacts) in found.items():
+                    name = f"{site} {crossing.name} {math.degrees(crossing.theta):+.0f}, {model.series}, {level}"
+                    figures += [Figure(f"{name}: time", seconds, "s"), Figure(f"{name}: contacts", contacts, "")]
+                    print(figures[-2], figures[-1], flush=True)
+                failed += not any(found[level][0] < found["off"][0] or found[level][1] < found["off"][1] for level in ("slow", "steer"))
+    return [*figures, Figure("doors that no level passes faster or with fewer contacts", failed, "", 0.0)]
+
+
+def main() -> int:
+    """Measure, print, keep; return how many bounds were missed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=6, help="drives per robot, site and level")
+    parser.add_argument("--minutes", type=float, default=10.0, help="length of a careless drive")
+    parser.add_argument("--first", type=int, default=JUDGED, help="the first seed")
+    parser.add_argument("--only", choices=["careless", "novice"])
+    options = parser.parse_args()
+    figures = [] if options.only == "novice" else careless(options.first, options.runs, options.minutes)
+    figures += [] if options.only == "careless" else novice(options.first, options.runs)
+    return keep("assist", figures, first=options.first, runs=options.runs, minutes=options.minutes)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,97 @@
+"""Every controller drives the whole office in a real browser: out of the dock, through both doors to the far end, and back.
+
+Whoever drives sees what the page shows and nothing else (tests/support/tourist.py). Printed for each controller: seconds, metres, contacts
+with walls, furniture and doors, and how often they pressed on the picture, and at its sides to turn. `keyboard mouse` does
+these two alone. It takes some minutes, at the robot's own pace; nothing in it is a bound but that nobody touches anything.
+"""
+
+import argparse
+import os
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import django
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from benchmarks.table import Figure, keep
+
+os.environ.setdefault("DJANGO_SETTINGS_MODULE", "tests.settings")
+
+FPS = 10.0
+WITHIN = 400.0  # seconds, on a machine with nothing else to do
+WIDE = {"viewport": {"width": 1280, "height": 800}}
+TABLET = {"viewport": {"width": 820, "height": 1180}, "has_touch": True, "is_mobile": True}
+PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
+PLAYING = "#cockpit[data-playing][data-link=live]"
+
+
+def by_hand(hands: Callable[[Page], Any]) -> Callable[[Any, Any], float]:
+    """Return what tours with hands that steer."""
+    return lambda tour, _site: tour.steer(hands(tour.page), WITHIN)
+
+
+def on_picture(hand: Callable[[Page], Any]) -> Callable[[Any, Any], float]:
+    """Return what tours by pressing on the picture."""
+    return lambda tour, site: float(tour.point(hand(tour.page), site.model.camera, site.simulation.tilt, WITHIN))
+
+
+def controllers() -> dict[str, tuple[dict[str, Any], Callable[[Any, Any], float]]]:
+    """Return each controller's kind of screen, and how one tours with it."""
+    from tests.support.newcomer import Keys
+    from tests.support.tourist import Mouse, Pad, Thumb, Touch
+
+    def fingers(page: Page) -> Touch:
+        return Touch(page.context.new_cdp_session(page))
+
+    return {
+        "keyboard": (WIDE, by_hand(Keys)),
+        "gamepad": (WIDE, by_hand(Pad)),
+        "stick": (PHONE, by_hand(lambda page: Thumb(page, fingers(page)))),
+        "mouse": (WIDE, on_picture(Mouse)),
+        "touch": (TABLET, on_picture(fingers)),
+    }
+
+
+def tour(browser: Browser, name: str) -> list[Figure]:
+    """Return the figures of one controller."""
+    from robots.agent.world.sites import load_plan
+    from tests.support.fake_robot_page import FakeRobotPage
+    from tests.support.patience import patient
+    from tests.support.scene_source import SceneSource
+    from tests.support.tourist import Tour
+
+    screen, go = controllers()[name]
+    plan, _ = load_plan("office")
+    with FakeRobotPage(SceneSource(plan, FPS), start="dock") as site:
+        page = browser.new_context(**screen).new_page()
+        page.goto(f"{site.url}?go=1")
+        page.wait_for_selector(PLAYING, timeout=1000 * patient(30.0))
+        person = Tour(page, plan)
+        seconds = go(person, site)
+        page.context.close()
+        drove, methods = site.simulation, {command.method for _, command in site.applied}
+    print(f"{name}, recorded as {' and '.join(sorted(methods))}: {seconds:.0f} s; was told {person.answers}", flush=True)
+    return [
+        Figure(f"{name}: there and back", seconds, "s"),
+        Figure(f"{name}: driven", drove.distance, "m"),
+        Figure(f"{name}: contacts", drove.contacts, "", 0.0),
+        *([Figure(f"{name}: presses", person.presses, ""), Figure(f"{name}: turns", person.turns, "")] if person.presses else []),
+    ]
+
+
+def main() -> int:
+    """Drive, print, keep."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("controllers", nargs="*", metavar="controller")
+    django.setup()
+    from tests.support.visitor import chromium
+
+    names = parser.parse_args().controllers or list(controllers())
+    with sync_playwright() as playwright, chromium(playwright) as browser:
+        figures = [figure for name in names for figure in tour(browser, name)]
+    return keep("drivers", figures)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

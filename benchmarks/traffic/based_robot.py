@@ -1,0 +1,48 @@
+"""`python -m benchmarks.traffic.based_robot NAME --mqtt URL --token TOKEN --var DIR --base PORT`: a real agent whose base is somewhere else.
+
+Agent, safety kernel, media and connection are the project's own; only the body is missing. Every velocity that the kernel lets through is
+one datagram to whoever plays the base, so that it can be told, also of an agent that is killed, what moved and when.
+"""
+
+import argparse
+import os
+import socket
+import sys
+from dataclasses import replace
+
+from robots.agent.agent import Agent, run_until_signalled
+from robots.agent.config import load
+from robots.api.messages import Velocity
+from tests.support.scripted_robot import ScriptedRobot
+
+
+class BasedRobot(ScriptedRobot):
+    """Moves exactly as it is told, elsewhere."""
+
+    def __init__(self, name: str, port: int) -> None:
+        super().__init__()
+        self._name = name
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.connect(("127.0.0.1", port))
+
+    def apply(self, velocity: Velocity) -> Velocity:
+        """Tell the base."""
+        self._socket.send(f"{self._name} {velocity.linear} {velocity.angular}".encode())
+        self.reading = replace(self.reading, velocity=velocity)
+        return velocity
+
+
+def main() -> None:
+    """Run until signalled."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("robot")
+    for name in ("--mqtt", "--token", "--var", "--base"):
+        parser.add_argument(name, required=True)
+    given = parser.parse_args()
+    environment = {**os.environ, "TELEPRESENCE_TOKEN": given.token}
+    config = load({"robot": given.robot, "mqtt_url": given.mqtt, "var": given.var}, environment)
+    run_until_signalled(Agent(config, make_adapter=lambda _: BasedRobot(given.robot, int(given.base))))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

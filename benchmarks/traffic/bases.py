@@ -1,0 +1,56 @@
+"""The bases of robots that are agents elsewhere (based_robot.py): each does what it was told last, and stops by itself after a while."""
+
+import socket
+import threading
+import time
+from collections import defaultdict
+from types import TracebackType
+from typing import Self
+
+from tests.support.scripted_robot import WATCHDOG
+
+LONGEST = 200
+
+
+class Bases:
+    """Listens on a thread of its own; `port` is where. Times are Unix time at arrival. Use as a context manager."""
+
+    def __init__(self) -> None:
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", 0))
+        self.port = int(self._socket.getsockname()[1])
+        self._told: defaultdict[str, list[tuple[float, bool]]] = defaultdict(list)
+        self._thread = threading.Thread(target=self._listen, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as last:
+            last.sendto(b"", ("127.0.0.1", self.port))
+        self._thread.join()
+        self._socket.close()
+
+    def _listen(self) -> None:
+        while words := self._socket.recv(LONGEST).decode().split():
+            name, linear, angular = words
+            self._told[name].append((time.time(), bool(float(linear) or float(angular))))
+
+    def moves(self) -> dict[str, list[tuple[float, float]]]:
+        """Return from when to when each base moved."""
+        return {name: motion(list(told)) for name, told in list(self._told.items())}
+
+
+def motion(told: list[tuple[float, bool]]) -> list[tuple[float, float]]:
+    """Return the spans of motion of a base that was told to move or to stand at these moments."""
+    spans: list[tuple[float, float]] = []
+    for number, (at, moves) in enumerate(told, 1):
+        if not moves:
+            continue
+        until = min(told[number][0] if number < len(told) else float("inf"), at + WATCHDOG)
+        if spans and spans[-1][1] >= at:
+            spans[-1] = (spans[-1][0], until)
+        else:
+            spans.append((at, until))
+    return spans

@@ -1,0 +1,236 @@
+"""The servers that are loaded: as `make demo` runs them, and as a server does (PostgreSQL, Redis, Mosquitto, one web process or more).
+
+Settings, processes and commands are those of the project; only the proxy is left out, whose share is small and whose TLS would cost the
+load generator more than all the rest.
+"""
+
+import contextlib
+import json
+import signal
+import subprocess
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.traffic.verdicts import Drive, StoredState
+from telepresence_site.serving import APPLICATION, DAPHNE
+from tests.support.postgres import Postgres, running_postgres
+from tests.support.server import program
+from tests.support.site import LOOPBACK, Site, free_port, wait_for
+
+ROBOTS = """
+import json
+from django.utils import timezone
+from robots.credentials import make_credentials
+from robots.models import Robot
+made = [Robot.objects.create(name=name, title=name, returns_home=False) for name in {names!r}]
+print(json.dumps([[robot.name, make_credentials(robot, timezone.now()).token] for robot in made]))
+"""
+VISITORS = """
+import json
+from importlib import import_module
+from django.conf import settings
+from django.contrib.auth import BACKEND_SESSION_KEY, HASH_SESSION_KEY, SESSION_KEY
+from accounts.models import User
+made = []
+for name in {names!r}:
+    user = User.objects.create(username=name)
+    session = import_module(settings.SESSION_ENGINE).SessionStore()
+    session[SESSION_KEY], session[BACKEND_SESSION_KEY] = str(user.pk), settings.AUTHENTICATION_BACKENDS[0]
+    session[HASH_SESSION_KEY] = user.get_session_auth_hash()
+    session.save()
+    made.append(session.session_key)
+print(json.dumps(made))
+"""
+RECORD = """
+import json
+from sessions.models import SessionEvent, StateChunk
+chunks = StateChunk.objects.order_by("first_stamp").select_related("session__robot")
+states = [
+    [chunk.session.robot.name, chunk.boot, state["seq"], state["session"], state.get("epoch", 0)] for chunk in chunks for state in chunk.states
+]
+missing = [[str(event.session_id), event.data["count"]] for event in SessionEvent.objects.filter(type="states_missing")]
+print(json.dumps({"states": states, "missing": missing}))
+"""
+STORED = """
+import json
+from django.db.models import Sum
+from sessions.models import StateChunk
+print(json.dumps({str(row["session"]): row["total"] for row in StateChunk.objects.values("session").annotate(total=Sum("count"))}))
+"""
+DRIVEN = """
+import json
+from sessions.models import StateChunk
+chunks = StateChunk.objects.filter(first_stamp__gt={since}).values_list("session__robot__name", "states")
+print(json.dumps(sorted({{name for name, states in chunks if any(state.get("applied") for state in states)}})))
+"""
+SESSIONS = """
+import json
+from sessions.models import Session
+rows = Session.objects.exclude(granted_at=None).order_by("granted_at").select_related("robot")
+print(json.dumps([[str(row.pk), row.robot.name, row.granted_at.timestamp(), row.ended_at and row.ended_at.timestamp(), row.outcome] for row in rows]))
+"""
+
+
+@dataclass(frozen=True)
+class Record:
+    """All stored states in the order of their stamps, and how many are known to be missing, by session."""
+
+    states: list[StoredState]
+    missing: dict[str, int]
+
+
+class Redis:
+    """A Redis that keeps nothing, as the channel layer and the cache need none."""
+
+    def __init__(self, directory: Path) -> None:
+        self._directory, self._port = directory, free_port()
+        self.url = f"redis://{LOOPBACK}:{self._port}/0"
+
+    @property
+    def pid(self) -> int:
+        """Return the id of its process."""
+        return self._process.pid
+
+    def start(self) -> None:
+        """Start it."""
+        words = [program("redis-server"), "--port", str(self._port), "--bind", LOOPBACK, "--save", "", "--appendonly", "no"]
+        with (self._directory / "redis.log").open("ab") as log:
+            self._process = subprocess.Popen(words, stdout=log, stderr=subprocess.STDOUT)
+
+    def kill(self) -> None:
+        """End it without a word."""
+        self._process.kill()
+        self._process.wait()
+
+
+@dataclass
+class Database:
+    """PostgreSQL, which can crash."""
+
+    postgres: Postgres
+
+    @property
+    def pid(self) -> int:
+        """Return the id of its first process."""
+        return int((self.postgres.directory / "data" / "postmaster.pid").read_text().splitlines()[0])
+
+    def start(self) -> None:
+        """Start it again."""
+        self.postgres.start()
+
+    def kill(self) -> None:
+        """End it without a word to its clients."""
+        self.postgres.stop()
+
+
+@dataclass
+class Place:
+    """A running site and what can be asked of it. `webs` has the port of each web process, `outside` what is not ours."""
+
+    site: Site
+    webs: dict[str, int]
+    outside: dict[str, Redis | Database]
+
+    @property
+    def processes(self) -> dict[str, int]:
+        """Return the pid of every part of the site."""
+        ours = {name: process.pid for name, process in self.site.processes.items()}
+        return {**ours, **{name: part.pid for name, part in self.outside.items()}}
+
+    def kill(self, part: str) -> None:
+        """Kill a part."""
+        if part in self.outside:
+            self.outside[part].kill()
+        else:
+            self.site.stop(part, signal.SIGKILL)
+
+    def start(self, part: str) -> None:
+        """Start a part that was killed."""
+        if part in self.outside:
+            self.outside[part].start()
+        else:
+            self.site.start(part)
+
+    def make_robots(self, names: list[str]) -> list[list[str]]:
+        """Return [name, token] of new robots."""
+        made: list[list[str]] = json.loads(self.site.django(ROBOTS.format(names=names)))
+        return made
+
+    def make_visitors(self, names: list[str], robots: list[str]) -> list[list[str]]:
+        """Return [address of the WebSocket, cookie] of new visitors, each at its robot, spread over the web processes."""
+        cookies: list[str] = json.loads(self.site.django(VISITORS.format(names=names)))
+        ports = list(self.webs.values())
+        addresses = [f"http://{LOOPBACK}:{ports[number % len(ports)]}/ws/robots/{robot}/" for number, robot in enumerate(robots)]
+        return [list(pair) for pair in zip(addresses, cookies, strict=True)]
+
+    def stored(self) -> dict[str, int]:
+        """Return how many states the record has, by session."""
+        found: dict[str, int] = json.loads(self.site.django(STORED))
+        return found
+
+    def record(self) -> Record:
+        """Return every state that is stored, and what is known to be missing."""
+        found = json.loads(self.site.django(RECORD))
+        return Record([StoredState(*row) for row in found["states"]], dict(found["missing"]))
+
+    def driven(self, since: float) -> list[str]:
+        """Return the robots that took a command after this moment, as the record has it: every part between page and database works."""
+        found: list[str] = json.loads(self.site.django(DRIVEN.format(since=since)))
+        return found
+
+    def is_closed(self) -> bool:
+        """Tell whether nothing more is awaited for any session's record."""
+        return self.site.django("from sessions.models import Session; print(Session.objects.filter(closed_at=None).count())").strip() == "0"
+
+    def sessions(self) -> list[Drive]:
+        """Return every session that had its robot, in order of their grants."""
+        return [Drive(*row) for row in json.loads(self.site.django(SESSIONS))]
+
+    def is_ready(self) -> bool:
+        """Tell whether every web process says that broker, database and session manager are there."""
+        return all(_is_ready(port) for port in self.webs.values())
+
+
+def _is_ready(port: int) -> bool:
+    try:
+        with urllib.request.urlopen(f"http://{LOOPBACK}:{port}/readyz", timeout=5) as answer:
+            return bool(answer.status == 200)
+    except (urllib.error.URLError, OSError):
+        return False
+
+
+@contextlib.contextmanager
+def running_place(kind: str, directory: Path) -> Iterator[Place]:
+    """Run a place: `demo`, or `server-N` with N web processes; everything is ended afterwards."""
+    with contextlib.ExitStack() as stack:
+        outside: dict[str, Redis | Database] = {}
+        settings = {"LOG_LEVEL": "WARNING"}
+        if kind != "demo":
+            database, redis = Database(stack.enter_context(running_postgres())), Redis(directory)
+            redis.start()
+            stack.callback(redis.kill)
+            outside = {"database": database, "redis": redis}
+            settings |= {"DATABASE_URL": database.postgres.url, "REDIS_URL": redis.url}
+        site = Site(directory / "var", settings=settings)
+        stack.callback(site.stop_all)
+        webs = {"web": site.web_port} if kind == "demo" else {f"web-{n}": free_port() for n in range(int(kind.partition("-")[2]))}
+        place = Place(site, webs, outside)
+        if kind == "demo":
+            site.prepare()
+        else:
+            site.var.mkdir(parents=True, exist_ok=True)
+            site.run("manage.py", "migrate", "-v", "0")
+        _start(place)
+        yield place
+
+
+def _start(place: Place) -> None:
+    site = place.site
+    site.start_broker()
+    site.start("session-manager", ["manage.py", "run_session_manager"])
+    for name, port in place.webs.items():
+        site.start(name, [*DAPHNE, "-b", LOOPBACK, "-p", str(port), APPLICATION])
+    wait_for(place.is_ready, 60, "a site with all its parts")

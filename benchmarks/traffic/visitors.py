@@ -1,0 +1,215 @@
+"""`python -m benchmarks.traffic.visitors`: visitors without browsers, many in one process, with the traffic of drive pages whose WebRTC failed.
+
+Each has a WebSocket of its own, signed in by a session's cookie; takes the robot, sends velocities 20 times, heartbeats 5 times and its
+network once a second, and reads everything that comes. A page with a data channel sends its velocities there, so this is the worst that
+a visitor does to a server. It sees no picture, and says that it has seen one as new as the robot's last word. One that was cut off comes
+back as the same page; one whose time is over leaves and asks again.
+
+What they measure is how long poses, states and heartbeats were on their way: the robot's stamp is in them, and all processes share one clock.
+"""
+
+import asyncio
+import random
+import time
+from array import array
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import msgspec
+
+from benchmarks.traffic import worker
+from benchmarks.traffic.every import Timers
+from experiments.bots.socket import Socket, SocketClosed
+from robots.api import messages as m
+from robots.api.codec import encode_frame
+from sessions import wire
+
+VELOCITY, BEAT, NETWORK = 1 / 20, 1 / 5, 1.0
+AGAIN = (0.2, 1.0)  # s until the next attempt, drawn between
+OFF_SECONDS = 0.5  # between leaving and asking again
+
+
+class Said(msgspec.Struct):
+    """All that is read of what a robot says; `seq` stands in states, `n` in heartbeats."""
+
+    stamp: float
+    seq: int = 0
+    n: int = 0
+
+
+@dataclass
+class Told:
+    """What the visitors of a process have seen: seconds that poses and states took, and counts."""
+
+    delays: array = field(default_factory=lambda: array("d"))
+    counts: Counter[str] = field(default_factory=Counter)
+
+
+class LightVisitor:
+    """One visitor at one robot.
+
+    Args:
+        url: the WebSocket's address, as http://.
+        cookie: of the session in which this visitor is signed in.
+        stays: for how long it drives before it makes room for others, in seconds.
+    """
+
+    def __init__(self, url: str, cookie: str, stays: float, *, told: Told, timers: Timers, rng: random.Random) -> None:
+        self._url, self._stays, self._told, self._timers, self._rng = url, stays, told, timers, rng
+        self._headers = {"Cookie": f"sessionid={cookie}", "Origin": url.partition("/ws/")[0]}
+        self._said = msgspec.json.Decoder(Said)
+        self._socket: Socket | None = None
+        self._session: str | None = None
+        self._peer: str | None = None
+        self._epoch = self._seq = self._beats = self._state = 0
+        self._newest = 0.0
+        self._echo: m.Echo | None = None
+        self._leaves_at = float("inf")
+        self._departed = False
+        self.drives = False
+        self.sessions: list[str] = []
+
+    async def live(self) -> None:
+        """Connect, and again whenever the connection is lost, for ever."""
+        self._ring()
+        while True:
+            try:
+                self._socket = await Socket.connect(self._url, self._headers)
+                self._say("session/take", wire.Take(session=self._session, peer=self._peer))
+                while True:
+                    self._hear(await self._socket.receive())
+            except (SocketClosed, OSError, TimeoutError) as error:
+                self._told.counts[f"closed_{getattr(error, 'code', 'unreachable')}"] += 1
+            self._socket, self.drives = None, False
+            await asyncio.sleep(self._rng.uniform(*AGAIN))
+
+    def _ring(self) -> None:
+        rings: list[tuple[float, Callable[[], None]]] = [(VELOCITY, self._drive), (BEAT, self._beat), (NETWORK, self._tell_network)]
+        for period, act in rings:
+            self._timers.every(period, self._rng.random(), act)
+
+    # --- what it hears -----------------------------------------------------------------------------------------------
+
+    def _hear(self, frame: str | bytes) -> None:
+        now = time.time()
+        assert isinstance(frame, str)
+        suffix, _, payload = frame.partition("\n")
+        match suffix:
+            case "pose" | "state" | "heartbeat":
+                self._robot_said(self._said.decode(payload), now)
+            case "session/granted":
+                self._granted(msgspec.json.decode(payload, type=wire.Granted))
+            case "session/turn":
+                self._ask()
+            case "session/ended" | "session/refused":
+                self._told.counts[suffix] += 1
+                self._over()
+            case "denied":
+                self._told.counts[f"denied_{msgspec.json.decode(payload, type=wire.Denied).reason}"] += 1
+
+    def _robot_said(self, said: Said, now: float) -> None:
+        self._told.delays.append(now - said.stamp)
+        self._newest = max(self._newest, said.stamp)
+        if said.n:
+            self._echo = m.Echo(peer="robot", n=said.n, stamp=said.stamp, received=now)
+        if said.seq:
+            self._told.counts["states_missing"] += max(0, said.seq - self._state - 1) if self._state else 0
+            self._state = said.seq
+
+    def _granted(self, granted: wire.Granted) -> None:
+        self._told.counts["resumed" if granted.resumed else "granted"] += 1
+        if granted.session != self._session:
+            self._leaves_at = time.monotonic() + self._stays
+            self.sessions.append(granted.session)
+            self._seq = 0
+        if (granted.session, granted.epoch) != (self._session, self._epoch):
+            self._seq = 0
+        self._session, self._epoch, self._peer, self.drives = granted.session, granted.epoch, granted.peer, True
+
+    def _over(self) -> None:
+        self._session = self._peer = None
+        self.drives, self._leaves_at = False, float("inf")
+        asyncio.get_running_loop().call_later(OFF_SECONDS + self._rng.random(), self._ask)
+
+    def _ask(self) -> None:
+        if not self._departed:
+            self._say("session/take", wire.Take())
+
+    # --- what it says ------------------------------------------------------------------------------------------------
+
+    def _drive(self) -> None:
+        if not self.drives or self._session is None:
+            return
+        if time.monotonic() > self._leaves_at:
+            self.leave()
+            return
+        self._seq += 1
+        self._told.counts["commands"] += 1
+        linear = 0.35 if self._seq % 40 < 20 else 0.2
+        self._say("command/velocity", m.VelocityCommand(
+            session=self._session, epoch=self._epoch, seq=self._seq, stamp=time.time(), linear=linear, angular=0.1, method="keyboard",
+            frame=self._newest or None,
+        ))  # fmt: skip
+
+    def depart(self) -> None:
+        """Be done for good."""
+        self._departed = True
+        self.leave()
+
+    def leave(self) -> None:
+        """Make room for others."""
+        self.drives = False
+        self._say("session/leave", wire.Leave())
+
+    def _beat(self) -> None:
+        if self.drives:
+            self._beats += 1
+            self._say("command/heartbeat", m.CommandHeartbeat(n=self._beats, stamp=time.time(), echo=self._echo))
+
+    def _tell_network(self) -> None:
+        if self.drives:
+            self._say("page/network", wire.PageNetwork(stamp=time.time(), way="mqtt", round_trip=0.01, path="server/jpeg"))
+
+    def _say(self, suffix: str, message: m.Message) -> None:
+        if self._socket is not None:
+            self._socket.send(encode_frame(suffix, message))
+
+
+class Visitors:
+    """What the benchmark may ask of this process; see worker.py."""
+
+    def __init__(self) -> None:
+        self._told, self._timers, self._rng = Told(), Timers(), random.Random(2)
+        self._visitors: list[LightVisitor] = []
+        self._living: set[asyncio.Task[None]] = set()
+
+    def add(self, visitors: list[list[str]], stays: float) -> int:
+        """Let visitors come, given as [address of the WebSocket, cookie]; returns how many there are."""
+        for url, cookie in visitors:
+            self._visitors.append(LightVisitor(url, cookie, stays, told=self._told, timers=self._timers, rng=self._rng))
+            self._living.add(asyncio.create_task(self._visitors[-1].live()))
+        return len(self._visitors)
+
+    def driving(self) -> int:
+        """Return how many drive."""
+        return sum(visitor.drives for visitor in self._visitors)
+
+    def leave(self) -> None:
+        """Have everybody leave, for good."""
+        for task in self._living:
+            task.cancel()
+        for visitor in self._visitors:
+            visitor.depart()
+
+    def measured(self) -> dict[str, Any]:
+        """Return what was seen since the last time, and begin anew."""
+        found = {"delays": list(self._told.delays), "counts": dict(self._told.counts), "late": list(self._timers.late)}
+        del self._told.delays[:], self._timers.late[:]
+        self._told.counts.clear()
+        return found
+
+
+if __name__ == "__main__":
+    worker.serve(Visitors)

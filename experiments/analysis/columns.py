@@ -1,0 +1,137 @@
+"""What stands in the columns of a dataset's files: the code book, and the order in which numbers are kept.
+
+A time is in seconds since the session's robot was granted, by the clock that is named; an empty cell or `nan` is a missing value.
+"""
+
+from dataclasses import dataclass
+
+MODES = ("manual", "assisted", "goto", "docking", "stopped")
+METHODS = ("keyboard", "mouse", "touch", "stick", "gamepad", "map", "script")
+WAYS = ("datachannel", "mqtt")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column: its name in the file, the unit of its values ("" for a count, a word or a share), and what it says."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+STATES = (
+    Column("stamp", "s", "time of the state by the robot's clock"),
+    Column("received", "s", "time at which the server had it, by the server's clock"),
+    Column("clock_offset", "s", "robot's clock minus the server's, as estimated then"),
+    Column("boot", "", "run of the robot's agent: 0 for the session's first"),
+    Column("seq", "", "number of the state within the run"),
+    Column("x", "m", "position on the map"),
+    Column("y", "m", "position on the map"),
+    Column("theta", "rad", "heading on the map, counter-clockwise from x"),
+    Column("localized", "", "1 when the robot trusts its position"),
+    Column("score", "", "how far it trusts it: 1 is certain"),
+    Column("linear", "m/s", "measured speed, forward positive"),
+    Column("angular", "rad/s", "measured turn rate, counter-clockwise positive"),
+    Column("charge", "", "share of the battery's charge"),
+    Column("charging", "", "1 while charging"),
+    Column("docked", "", "1 while docked"),
+    Column("tilt", "rad", "tilt of the head, positive looks down"),
+    Column("mode", "", "0 manual, 1 assisted, 2 goto, 3 docking, 4 stopped"),
+    Column("clearance", "m", "smallest distance to anything since the state before"),
+    Column("contacts", "", "collisions that began since the state before"),
+    Column("distance", "m", "odometer since the run began"),
+    Column("silence", "s", "time since the driver's last sign of life"),
+    Column("commands", "", "commands applied since the state before"),
+    Column("refused", "", "commands refused since the state before"),
+    Column("age_sum", "s", "sum of the ages of the commands applied since the state before"),
+    Column("age_max", "s", "greatest age among them"),
+    Column("answer_age", "s", "mean age, when they were applied, of the pictures that they answered"),
+    *(Column(f"by_{method}", "", f"how many of them came from: {method}") for method in METHODS),
+    *(Column(f"on_{way}", "", f"how many of them came on: {way}") for way in WAYS),
+)
+
+NETWORK = (
+    Column("stamp", "s", "time of the sample by the page's clock, corrected to the server's"),
+    Column("round_trip", "s", "round trip of the commands' way"),
+    Column("loss", "", "share of the picture's packets that were lost in this second"),
+    Column("fps", "1/s", "pictures shown in this second"),
+    Column("bitrate", "bit/s", "rate of the picture"),
+    Column("freezes", "", "freezes of the picture in this second"),
+    Column("jitter", "s", "jitter of the picture's packets"),
+    Column("frame_age", "s", "age of the picture that was shown"),
+    Column("on_datachannel", "", "1 when commands went over the data channel, 0 over the server"),
+)
+
+PARTICIPANTS = (
+    Column("id", "", "code of the participant"),
+    Column("kind", "", "participant, pilot or bot"),
+    Column("age", "years", "age at registration: the year then minus the year of birth"),
+    Column("cell", "", "assigned condition, or conditions in order, divided by |"),
+    Column("reached", "", "last step of the study that was begun"),
+    Column("left", "", "why the participant left there; empty for whoever finished or is still at it"),
+    Column("finished", "", "1 when the last step was finished"),
+    Column("withdrawn", "", "1 when the data were taken back: step and day remain"),
+)
+
+SESSIONS = (
+    Column("id", "", "code of the session"),
+    Column("participant", "", "whose it is"),
+    Column("kind", "", "participant, pilot or bot"),
+    Column("number", "", "first, second … session of the participant in this study; 0 for practice"),
+    Column("practice", "", "1 for practice, which counts nowhere"),
+    Column("robot", "", "name of the robot"),
+    Column("site", "", "name of the floor plan"),
+    Column("condition", "", "assigned condition"),
+    Column("mismatch", "", "what was applied otherwise than assigned; empty when nothing was"),
+    Column("control_way", "", "assigned way of the commands"),
+    Column("assist", "", "assigned assistance"),
+    Column("doors_closed", "", "doors that were closed, divided by |"),
+    Column(
+        "control_network", "", "assigned impairment of the network towards the robot: delay and jitter in ms, loss and reorder in %, rate in kbit/s"
+    ),
+    Column("video_network", "", "assigned impairment of the network back from its camera, likewise"),
+    Column("control_applied", "", "what of the first the robot says that it applied last"),
+    Column("video_applied", "", "what of the second"),
+    Column("outcome", "", "how the session ended"),
+    Column("reason", "", "why, in words"),
+    Column("os", "", "operating system of the visitor's device"),
+    Column("browser", "", "browser of the visitor's device"),
+    Column("network", "", "hash of the visitor's network, for counting them"),
+    Column("first_frame", "s", "when the first picture was shown"),
+    Column("first_motion", "s", "when the first command moved the robot"),
+    Column("ended", "s", "when the session ended"),
+    Column("operator", "", "1 when an operator intervened"),
+    Column("missing", "", "states that are known to be lost"),
+    Column("excluded", "", "why a researcher excluded it; empty when not"),
+)
+
+EVENTS = (
+    Column("session", "", "code of the session"),
+    Column("stamp", "s", "when it happened, by the server's clock"),
+    Column("source", "", "robot, page, server or task"),
+    Column("type", "", "what happened"),
+    Column("data", "", "JSON: the rest"),
+)
+
+PAGES = (
+    Column("participant", "", "who saw the page"),
+    Column("session", "", "session that it belongs to, if any"),
+    Column("step", "", "step of the study"),
+    Column("seconds", "s", "how long it was open; empty when it was not finished"),
+    Column("finished", "", "1 when the participant went on from it"),
+)
+
+ANSWERS = (
+    Column("response", "", "code of the filled-in questionnaire"),
+    Column("questionnaire", "", "its name"),
+    Column("version", "", "its version"),
+    Column("participant", "", "who answered"),
+    Column("session", "", "session that it was asked about, if any"),
+    Column("finished", "", "1 when it was sent off"),
+    Column("item", "", "question"),
+    Column("value", "", "JSON: what was answered; empty when nothing was"),
+    Column(
+        "missing", "", "why there is no value: skipped, preferred_not, not_applicable or not_reached; withheld where there is one that tells too much"
+    ),
+    Column("seconds", "s", "how long it took"),
+)

@@ -1,0 +1,114 @@
+"""A table: rows of cells that know what they say, what they are worth, and which sessions they come from. As CSV and as LaTeX."""
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+_LATEX = str.maketrans({
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}", "−": "$-$", "±": r"$\pm$", "≤": r"$\leq$", "≥": r"$\geq$", "<": r"$<$", ">": r"$>$", "²": r"$^2$", "×": r"$\times$",
+    "–": "--", "—": "---", "…": r"\ldots{}", "χ": r"$\chi$", "η": r"$\eta$", "ρ": r"$\rho$", "|": r"\textbar{}", "\n": " ", "\r": " ",
+})  # fmt: skip
+NOTHING = "–"
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What is printed, the number behind it (None for words), and the ids of the sessions behind that."""
+
+    text: str
+    value: float | None = None
+    sessions: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table with a name for its files, a title, column heads, rows of as many cells, and notes that are printed below."""
+
+    name: str
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if any(len(row) != len(self.head) for row in self.rows):
+            raise ValueError(f"{self.name}: every row needs {len(self.head)} cells")
+
+
+def words(text: str, sessions: Iterable[str] = ()) -> Cell:
+    """Return a cell of words."""
+    return Cell(text, None, tuple(sessions))
+
+
+def number(value: float | None, decimals: int = 2, sessions: Iterable[str] = ()) -> Cell:
+    """Return a cell of a number; a dash when there is none."""
+    if value is None or not math.isfinite(value):
+        return Cell(NOTHING, None, tuple(sessions))
+    text = f"{value:.{decimals}f}"
+    return Cell(text.removeprefix("-") if float(text) == 0.0 else text.replace("-", "−"), float(value), tuple(sessions))
+
+
+def count(value: int, sessions: Iterable[str] = ()) -> Cell:
+    """Return a cell of a count."""
+    return Cell(str(value), float(value), tuple(sessions))
+
+
+def probability(value: float) -> Cell:
+    """Return a cell of a p value."""
+    if math.isfinite(value) and value < 0.001:  # noqa: PLR2004 -- smaller ones say nothing more
+        return Cell("<0.001", value)
+    return number(value, 3)
+
+
+def as_csv(table: Table) -> str:
+    """Return a table as CSV with all digits of its numbers; none of its cells is a formula."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([_safe(name) for name in table.head])
+    writer.writerows([_exact(cell) for cell in row] for row in table.rows)
+    return text.getvalue()
+
+
+def as_latex(table: Table) -> str:
+    """Return a table as LaTeX that needs no package."""
+    columns = "l" + "r" * (len(table.head) - 1) if _is_numeric(table.rows) else "l" * len(table.head)
+    lines = [r"\begin{table}", r"\centering", rf"\caption{{{latex(table.title)}}}", rf"\label{{tab:{table.name}}}"]
+    lines += [
+        rf"\begin{{tabular}}{{{columns}}}",
+        r"\hline",
+        _line(table.head),
+        r"\hline",
+        *(_line([cell.text for cell in row]) for row in table.rows),
+        r"\hline",
+        r"\end{tabular}",
+    ]
+    lines += [rf"\par\smallskip {{\footnotesize {latex(note)}}}" for note in table.notes]
+    return "\n".join((*lines, r"\end{table}")) + "\n"
+
+
+def latex(text: str) -> str:
+    """Return text that LaTeX prints as it stands."""
+    return text.translate(_LATEX)
+
+
+def _line(cells: Sequence[str]) -> str:
+    return " & ".join(latex(cell) for cell in cells) + r" \\"
+
+
+def _is_numeric(rows: Iterable[tuple[Cell, ...]]) -> bool:
+    return any(cell.value is not None for row in rows for cell in row[1:])
+
+
+def _exact(cell: Cell) -> str:
+    if cell.value is None:
+        return "" if cell.text == NOTHING else _safe(cell.text)
+    return str(int(cell.value)) if cell.value.is_integer() and "." not in cell.text else repr(cell.value)
+
+
+def _safe(text: str) -> str:
+    """A spreadsheet takes a cell that begins so for a formula."""
+    return f"'{text}" if text.startswith(_FORMULA) else text

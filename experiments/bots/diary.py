@@ -1,0 +1,55 @@
+"""What a bot can tell afterwards: where it was for how long, what it read and was asked, what it drove, and where it got stuck."""
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+
+@dataclass
+class Leg:
+    """One drive. `seconds` from the first picture; `passed` the numbers of checkpoints; `circumstances` what a driver sees of a condition."""
+
+    seconds: float = 0.0
+    waited: float = 0.0
+    outcome: str = ""
+    reason: str = ""
+    passed: tuple[int, ...] = ()
+    doors: tuple[str, ...] = ()
+    closed: tuple[str, ...] = ()
+    cues: list[str] = field(default_factory=list)
+    circumstances: dict[str, str] = field(default_factory=dict)
+    session: str = ""
+    no_way: str = ""
+    refused: dict[str, int] = field(default_factory=dict)
+    pictures: int = 0
+    round_trip: float | None = None
+
+
+@dataclass
+class Entry:
+    """One page: its heading, when it came, and for how long it was open (seconds), its words and questions."""
+
+    heading: str
+    path: str
+    at: float
+    seconds: float = 0.0
+    words: int = 0
+    questions: int = 0
+
+
+@dataclass
+class Diary:
+    """Everything of one bot. `stuck` is a sentence when the study led nowhere, empty otherwise."""
+
+    number: int
+    ending: str
+    user: str = ""
+    code: str = ""
+    entries: list[Entry] = field(default_factory=list)
+    legs: list[Leg] = field(default_factory=list)
+    answered: dict[str, str] = field(default_factory=dict)
+    stuck: str = ""
+    done: bool = False
+
+    def as_data(self) -> dict[str, Any]:
+        """Return it as plain data, for JSON."""
+        return asdict(self)

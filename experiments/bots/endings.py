@@ -1,0 +1,54 @@
+"""How a bot's taking part may end: as it should, and in the ways in which people leave."""
+
+from collections.abc import Sequence
+from enum import StrEnum
+
+import numpy as np
+
+
+class Ending(StrEnum):
+    """What a bot does on its own; everything else it does as asked."""
+
+    COMPLETES = "completes"
+    REFUSES = "refuses_consent"
+    WITHDRAWS = "withdraws"  # when asked the last questions
+    LEAVES_QUEUE = "leaves_the_queue"
+    LEAVES_AT_DOCK = "leaves_at_the_dock"
+    LEAVES_MIDWAY = "leaves_midway"
+    CLOSES_PAGE = "closes_the_page"
+    LOSES_NETWORK = "loses_the_network"
+    LETS_TIME_RUN_OUT = "lets_the_time_run_out"
+    SKIPS_PHOTO = "skips_the_photo"
+    STOPS_ANSWERING = "stops_answering"
+    COMES_AGAIN = "comes_again"
+    LEAVES_READING = "leaves_while_reading"
+    GETS_NO_CONNECTION = "gets_no_connection"  # as behind a firewall: nothing that the page says arrives
+    STAYS_AWAY = "stays_away"  # longer than the time of grace
+    RELOADS_PAGE = "reloads_the_page"
+    OPENS_SECOND_PAGE = "opens_a_second_page"
+    PRESSES_STOP = "presses_stop"
+    DOCKS_EARLY = "docks_early"
+    TAKES_PHOTO_AGAIN = "takes_the_photo_again"
+
+
+EVERY = tuple(Ending)
+ABOUT_PHOTO = frozenset({Ending.SKIPS_PHOTO, Ending.TAKES_PHOTO_AGAIN})
+GIVES_UP = frozenset({Ending.LEAVES_QUEUE, Ending.LEAVES_AT_DOCK, Ending.GETS_NO_CONNECTION})  # who does not drive after the first attempt
+# About what the paper's participants did: nine in ten complete it.
+USUAL: dict[Ending, float] = {
+    Ending.COMPLETES: 0.72, Ending.SKIPS_PHOTO: 0.06, Ending.COMES_AGAIN: 0.05, Ending.LOSES_NETWORK: 0.04, Ending.LEAVES_MIDWAY: 0.03,
+    Ending.CLOSES_PAGE: 0.02, Ending.LETS_TIME_RUN_OUT: 0.02, Ending.LEAVES_AT_DOCK: 0.02, Ending.STOPS_ANSWERING: 0.02, Ending.REFUSES: 0.01,
+    Ending.WITHDRAWS: 0.01,
+}  # fmt: skip
+
+
+def draw(count: int, rng: np.random.Generator) -> list[Ending]:
+    """Return the endings of so many bots, as people do."""
+    names = list(USUAL)
+    shares = np.array([USUAL[name] for name in names])
+    return [names[index] for index in rng.choice(len(names), size=count, p=shares / shares.sum())]
+
+
+def in_turn(count: int, chosen: Sequence[Ending] = EVERY) -> list[Ending]:
+    """Return the endings of so many bots, each a different one as long as there are some left."""
+    return [chosen[index % len(chosen)] for index in range(count)]

@@ -1,0 +1,33 @@
+"""What studies want to hear from the app below: who asks for a robot, and everything that the session manager tells."""
+
+from django.db.models.signals import pre_delete
+
+from accounts.models import User
+from experiments import acquaintance
+from experiments.grants import StudyTerms, invites
+from experiments.notices import tell_pause
+from experiments.own_data import clear_settled, withdraw_everywhere
+from experiments.runner import Runner
+from robots.access import register_guest_list
+from sessions import interfaces, signals, terms
+
+STUDY_TERMS = StudyTerms()
+RUNNER = Runner()
+
+
+def connect() -> None:
+    """Register for the life of this process; a second time changes nothing."""
+    terms.register(STUDY_TERMS)
+    register_guest_list(invites)
+    interfaces.suggest_by(acquaintance.suggested_to)
+    pre_delete.connect(withdraw_everywhere, sender=User, weak=False, dispatch_uid="experiments.withdraw_everywhere")
+    for signal, receiver in (
+        (signals.state_received, RUNNER.hear_state),
+        (signals.state_recovered, RUNNER.hear_state),
+        (signals.message_received, RUNNER.hear_message),
+        (signals.looked, RUNNER.look),
+        (signals.looked, clear_settled),
+        (signals.session_ended, RUNNER.hear_end),
+        (signals.queue_paused, tell_pause),
+    ):
+        signal.connect(receiver, weak=False, dispatch_uid=f"experiments.{receiver.__qualname__}")

@@ -1,0 +1,46 @@
+"""`manage.py export_study`: everything that was recorded of a study, as a folder or a ZIP archive."""
+
+import sys
+from argparse import ArgumentParser
+from pathlib import Path
+from typing import Any
+
+from django.core.management import BaseCommand, CommandError
+
+from experiments.choice import Choice
+from experiments.export_files import export_files
+from experiments.export_zip import unpacked, zipped
+from experiments.named_study import study_named
+
+
+class Command(BaseCommand):
+    """Writes the dataset of one version of a study, pseudonymous unless asked otherwise."""
+
+    help = "Write everything that was recorded of a study as a Psych-DS folder, or a ZIP archive of it."
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        parser.add_argument("study", help="name of the study, and version after a colon: exploration, exploration:2")
+        parser.add_argument("--out", type=Path, required=True, help="folder, which must be empty or not there; with --zip the file, - for the output")
+        parser.add_argument("--zip", action="store_true", help="write one ZIP archive")
+        parser.add_argument("--identified", action="store_true", help="with names, addresses, free text and photos")
+        parser.add_argument("--free-text", action="store_true", help="with what people wrote")
+        parser.add_argument("--snapshots", action="store_true", help="with the photos that were taken")
+        parser.add_argument("--mcap", action="store_true", help="with a recording for Foxglove of every session")
+
+    def handle(self, *_args: Any, **options: Any) -> None:
+        out: Path = options["out"]
+        choice = Choice(**{name: options[name] for name in ("identified", "free_text", "snapshots", "mcap")})
+        if options["zip"] and str(out) == "-":
+            sys.stdout.buffer.writelines(zipped(export_files(study_named(options["study"]), choice)))
+            return
+        if out.exists() and (options["zip"] or not out.is_dir() or any(out.iterdir())):
+            raise CommandError(f"{out} is there already.")
+        files = export_files(study_named(options["study"]), choice)
+        if options["zip"]:
+            out.parent.mkdir(parents=True, exist_ok=True)
+            with out.open("wb") as archive:
+                archive.writelines(zipped(files))
+            self.stdout.write(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
+            return
+        count = sum(1 for _ in unpacked(files, out))
+        self.stdout.write(f"{out}: {count} files")

@@ -1,0 +1,98 @@
+"""When a study can be taken part in: spans of the week in the study's own time zone. None at all means always.
+
+A span is `{"days": [0..6], "start": "09:00", "end": "17:00"}`, Monday is 0; one that does not end later than it starts ends on the next
+day, so that `00:00` to `00:00` is a whole one. Wall-clock times: a study that opens at nine opens at nine on both sides of a change of
+the clocks. A time that the clocks skip counts as the same moment told by the clock before the change.
+"""
+
+import datetime
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+Hours = Sequence[Mapping[str, Any]]
+_CLOCK = re.compile(r"(?:[01]\d|2[0-3]):[0-5]\d\Z", re.ASCII)
+_MOST_SPANS = 50
+_WEEK = 7
+
+
+def problems(hours: Any, time_zone: str) -> Iterator[str]:
+    """Yield what is wrong with opening hours as somebody wrote them."""
+    if not _is_zone(time_zone):
+        yield f"There is no time zone {time_zone!r}."
+    if not isinstance(hours, list) or len(hours) > _MOST_SPANS:
+        yield f"Opening hours are a list of at most {_MOST_SPANS} spans."
+        return
+    for number, span in enumerate(hours, start=1):
+        yield from (f"Span {number}: {problem}" for problem in _of_span(span))
+
+
+def _is_zone(name: str) -> bool:
+    try:
+        ZoneInfo(name)
+    except (ZoneInfoNotFoundError, ValueError, OSError):  # a folder's name and a bad path are no zones either
+        return False
+    return True
+
+
+def _of_span(span: Any) -> Iterator[str]:
+    if not isinstance(span, dict) or set(span) != {"days", "start", "end"}:
+        yield "it needs days, start and end, and nothing else."
+        return
+    days = span["days"]
+    if not isinstance(days, list) or not days or any(type(day) is not int or not 0 <= day < _WEEK for day in days):
+        yield "its days are numbers from 0 (Monday) to 6, at least one."
+    for name in ("start", "end"):
+        if not isinstance(span[name], str) or not _CLOCK.match(span[name]):
+            yield f"its {name} is no time like 09:00."
+
+
+def is_open(hours: Hours, time_zone: str, now: datetime.datetime) -> bool:
+    """Tell whether a study is open at an aware moment."""
+    return not hours or any(start <= now < end for start, end in _around(hours, time_zone, now))
+
+
+def opens_at(hours: Hours, time_zone: str, now: datetime.datetime) -> datetime.datetime | None:
+    """Return when a closed study opens next, in its own time zone; None when it is open."""
+    if is_open(hours, time_zone, now):
+        return None
+    later = min(start for start, _end in _around(hours, time_zone, now) if start > now)
+    return later.astimezone(ZoneInfo(time_zone))
+
+
+def opens_on_the_wall(hours: Hours, time_zone: str, now: datetime.datetime) -> datetime.datetime | None:
+    """Return `opens_at` as the clock on the wall shows it there: naive, so that no page turns it into another zone's."""
+    later = opens_at(hours, time_zone, now)
+    return later.replace(tzinfo=None) if later is not None else None
+
+
+def closes_at(hours: Hours, time_zone: str, now: datetime.datetime) -> datetime.datetime | None:
+    """Return when an open study closes, in its own time zone; None when it never does within a week, or is closed."""
+    if not hours or not is_open(hours, time_zone, now):
+        return None
+    limit, end = now + datetime.timedelta(days=_WEEK), now
+    while end < limit:
+        later = max((stop for start, stop in _around(hours, time_zone, end) if start <= end < stop), default=end)
+        if later == end:
+            return end.astimezone(ZoneInfo(time_zone))
+        end = later
+    return None
+
+
+def _around(hours: Hours, time_zone: str, now: datetime.datetime) -> list[tuple[datetime.datetime, datetime.datetime]]:
+    """Return the spans from the day before a moment to a week after it, as moments in UTC: only there are they compared rightly."""
+    zone = ZoneInfo(time_zone)
+    today = now.astimezone(zone).date()
+    days = [today + datetime.timedelta(days=shift) for shift in range(-1, _WEEK + 2)]
+    return [_moments(span, day, zone) for day in days for span in hours if day.weekday() in span["days"]]
+
+
+def _moments(span: Mapping[str, Any], day: datetime.date, zone: ZoneInfo) -> tuple[datetime.datetime, datetime.datetime]:
+    start, end = datetime.time.fromisoformat(span["start"]), datetime.time.fromisoformat(span["end"])
+    last = day if end > start else day + datetime.timedelta(days=1)
+    return _utc(day, start, zone), _utc(last, end, zone)
+
+
+def _utc(day: datetime.date, clock: datetime.time, zone: ZoneInfo) -> datetime.datetime:
+    return datetime.datetime.combine(day, clock, zone).astimezone(datetime.UTC)

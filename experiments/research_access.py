@@ -1,0 +1,70 @@
+"""Who sees what of a study: its researchers by their role, superusers everything, all others nothing.
+
+Studies of others are not forbidden but absent: whoever has no part in one finds no page.
+"""
+
+import functools
+import uuid
+from collections.abc import Callable
+from typing import Any, Concatenate, Literal, ParamSpec
+
+from django.http import Http404, HttpRequest, HttpResponseBase
+
+from experiments.models import Drive, Participant, StudyMember
+from sessions.models import Session
+
+Role = Literal["owner", "researcher", "viewer"]
+Given = ParamSpec("Given")
+View = Callable[Concatenate[HttpRequest, str, Given], HttpResponseBase]
+RANK: dict[str, int] = {"viewer": 1, "researcher": 2, "owner": 3}
+SEES_SESSIONS = "telepresence_sessions.view_session"
+
+
+def role_of(user: Any, slug: str) -> Role | None:
+    """Return what somebody is in a study: superusers own all; None for whoever has no part in it."""
+    if not (user.is_authenticated and user.is_active):
+        return None
+    if user.is_superuser:
+        return "owner"
+    role: Role | None = StudyMember.objects.filter(slug=slug, user=user).values_list("role", flat=True).first()  # type: ignore[assignment]
+    return role
+
+
+def may(user: Any, slug: str, least: Role) -> bool:
+    """Tell whether somebody is at least that in a study."""
+    return RANK.get(role_of(user, slug) or "", 0) >= RANK[least]
+
+
+def for_role(least: Role) -> Callable[[View[Given]], View[Given]]:
+    """Keep a view, whose first argument is a study's name, to those who are at least `least` in it; others find nothing."""
+
+    def keep(view: View[Given]) -> View[Given]:
+        @functools.wraps(view)
+        def kept(request: HttpRequest, slug: str, *args: Given.args, **kwargs: Given.kwargs) -> HttpResponseBase:
+            if not may(request.user, slug, least):
+                raise Http404
+            return view(request, slug, *args, **kwargs)
+
+        return kept
+
+    return keep
+
+
+def session_for(user: Any, session: uuid.UUID) -> tuple[Session, Drive | None, bool]:
+    """Return a session for its replay, its drive in a study, and whether the photos may be seen.
+
+    Staff who may see sessions see each; of a study's, its researchers see all but those of who has withdrawn, and its viewers, who
+    see pseudonymous data alone, no photos.
+
+    Raises:
+        Http404: there is none, or it is not for this user.
+    """
+    row = Session.objects.filter(pk=session).select_related("robot", "visitor", "robot__floor_plan").defer("robot__floor_plan__image").first()
+    if row is None:
+        raise Http404
+    drive = Drive.objects.filter(session=row).select_related("participant__study").first()
+    if user.is_active and user.is_staff and user.has_perm(SEES_SESSIONS):
+        return row, drive, True
+    if drive is None or drive.participant.status == Participant.Status.WITHDRAWN or not may(user, drive.participant.study.slug, "viewer"):
+        raise Http404
+    return row, drive, may(user, drive.participant.study.slug, "researcher")

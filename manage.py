@@ -1,0 +1,17 @@
+#!/usr/bin/env python
+"""Command line of the telepresence server and of the robot's agent."""
+
+import os
+import sys
+
+
+def main() -> None:
+    """Run a management command."""
+    os.environ.setdefault("DJANGO_SETTINGS_MODULE", "telepresence_site.settings")
+    from django.core.management import execute_from_command_line  # noqa: PLC0415 -- after the settings module is named
+
+    execute_from_command_line(sys.argv)
+
+
+if __name__ == "__main__":
+    main()

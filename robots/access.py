@@ -1,0 +1,115 @@
+"""Who may drive, watch and operate a robot. Being offline or busy is another question."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from django.db.models import Q, QuerySet
+
+from robots.models import Robot, RobotPermit
+
+Reason = Literal["", "disabled", "not_invited", "not_trained", "not_allowed"]
+# What a robot's access demands: the permit, and the word for somebody who has none.
+_DEMANDS: dict[str, tuple[str, Reason]] = {
+    Robot.Access.INVITATION: (RobotPermit.Kind.INVITED, "not_invited"),
+    Robot.Access.TRAINED: (RobotPermit.Kind.TRAINED, "not_trained"),
+}
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Yes, or no with a reason in one word of `session/refused`."""
+
+    allowed: bool
+    reason: Reason = ""
+
+    def __bool__(self) -> bool:
+        return self.allowed
+
+
+YES = Verdict(allowed=True)
+OVERSEES = "robots.change_robot"
+_guest_lists: list[Callable[[Any, Robot], bool]] = []
+
+
+def register_guest_list(invites: Callable[[Any, Robot], bool]) -> None:
+    """Let an app above this one invite visitors to drive (not to watch) a robot that asks for an invitation; registering twice does nothing."""
+    if invites not in _guest_lists:
+        _guest_lists.append(invites)
+
+
+def _no(reason: Reason) -> Verdict:
+    return Verdict(allowed=False, reason=reason)
+
+
+def oversees(user: Any) -> bool:
+    """Tell whether a user answers for all robots of the site: administrators, and staff who were given Django's right to change robots.
+
+    To be staff is not enough: owners and researchers enter the administration too, for what is theirs.
+    """
+    return bool(_is_known(user) and user.is_staff and user.has_perm(OVERSEES))
+
+
+def may_manage(user: Any, robot: Robot) -> bool:
+    """Tell whether a user may change a robot, its keys, its doors and who drives it: its owner, and who oversees all robots."""
+    return bool(_is_known(user)) and (robot.owner_id == user.pk or oversees(user))
+
+
+def may_operate(user: Any, robot: Robot) -> Verdict:
+    """Tell whether a user may stop, pause and message sessions and clear an emergency stop: who manages it, and its operators."""
+    if not _is_known(user):
+        return _no("not_allowed")
+    if may_manage(user, robot) or _has_permit(user, robot, RobotPermit.Kind.OPERATOR):
+        return YES
+    return _no("not_allowed")
+
+
+def may_drive(user: Any, robot: Robot) -> Verdict:
+    """Tell whether a user may drive: by the robot's access, as somebody who operates it, or as somebody's guest."""
+    verdict = _is_admitted(user, robot)
+    if verdict.reason == "not_invited" and any(invites(user, robot) for invites in _guest_lists):
+        return YES
+    return verdict
+
+
+def _is_admitted(user: Any, robot: Robot) -> Verdict:
+    if not _is_known(user):
+        return _no("not_allowed")
+    if not robot.enabled:
+        return _no("disabled")
+    if robot.access == Robot.Access.OPEN or may_operate(user, robot):
+        return YES
+    kind, reason = _DEMANDS[robot.access]
+    return YES if _has_permit(user, robot, kind) else _no(reason)
+
+
+def may_observe(user: Any, robot: Robot) -> Verdict:
+    """Tell whether a user may watch: whoever may always drive, where the robot allows observers, and always who operates it."""
+    if not _is_known(user):
+        return _no("not_allowed")
+    if not robot.enabled:
+        return _no("disabled")
+    if may_operate(user, robot):
+        return YES
+    return _is_admitted(user, robot) if robot.observers_allowed else _no("not_allowed")
+
+
+def robots_visible_to(user: Any) -> "QuerySet[Robot]":
+    """Return the robots to show a user: the enabled ones that are open or that the user has a permit for, and one's own.
+
+    Who oversees the robots sees all of them. Somebody who has not signed in sees the open ones.
+    """
+    if not _is_known(user):
+        return Robot.objects.filter(enabled=True, access=Robot.Access.OPEN)
+    if oversees(user):
+        return Robot.objects.all()
+    permitted = RobotPermit.objects.filter(user=user).values("robot")
+    return Robot.objects.filter(Q(owner=user) | (Q(enabled=True) & (Q(access=Robot.Access.OPEN) | Q(pk__in=permitted))))
+
+
+def _is_known(user: Any) -> bool:
+    return bool(user is not None and user.is_authenticated and user.is_active)
+
+
+def _has_permit(user: Any, robot: Robot, kind: str) -> bool:
+    return RobotPermit.objects.filter(robot=robot, user=user, kind=kind).exists()

@@ -1,0 +1,387 @@
+"""Robots, their keys and their floor plans in the administration."""
+
+import datetime
+import json
+from typing import Any
+from urllib.parse import quote
+
+from django.contrib import admin, messages
+from django.core.exceptions import PermissionDenied
+from django.db.models import Count, Model, QuerySet
+from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
+from django.shortcuts import get_object_or_404, render
+from django.urls import NoReverseMatch, URLPattern, path, reverse
+from django.utils import timezone
+from django.utils.html import format_html
+from django.utils.safestring import SafeString
+from django.utils.translation import gettext as _now
+from django.utils.translation import gettext_lazy as _
+from django.utils.translation import ngettext
+from django.views.decorators.cache import never_cache
+
+from accounts import audit
+from robots.admin_access import OfRobots, OwnersPermits
+from robots.between import in_words
+from robots.credentials import make_credentials, revoke
+from robots.door_admin import DoorPage
+from robots.enrolment_admin import EnrolmentPage
+from robots.forms import FloorPlanForm
+from robots.models import FloorPlan, Robot, RobotPermit
+from robots.presence import trouble_of
+from robots.screen_admin import ScreenPage
+
+NOTHING = "–"
+
+
+def link_to(view: str, text: Any, *args: Any, query: str = "") -> str | SafeString:
+    """Return a link to a named view, or the bare text when the site has no such view."""
+    try:
+        return format_html('<a href="{}{}">{}</a>', reverse(view, args=args), query, text)
+    except NoReverseMatch:
+        return str(text)
+
+
+class PermitInline(admin.TabularInline):
+    """Who was invited, trained, or made an operator."""
+
+    model = RobotPermit
+    extra = 0
+    autocomplete_fields = ("user",)
+    readonly_fields = ("granted_at",)
+
+
+@admin.register(Robot)
+class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, OfRobots):
+    """Robots: what they are, who may drive them, and how they are right now. Owners find their own, and change all but whose they are."""
+
+    list_display = ("title", "name", "drive", "online_now", "battery", "docked", "who", "driver", "seen")
+    list_filter = ("enabled", "access", "connection", "floor_plan", "owner")
+    list_select_related = ("lease__session__visitor", "floor_plan", "owner")
+    search_fields = ("title", "name", "description", "owner__username")
+    autocomplete_fields = ("owner",)
+    actions = ("new_credentials", "rotate_credentials", "revoke_credentials", "free", "disable", "enable")
+    save_on_top = True
+    readonly_fields = (
+        "key",
+        "screen",
+        "between",
+        "turnaround_at",
+        "online_now",
+        "control",
+        "battery",
+        "docked",
+        "driver",
+        "last_seen_at",
+        "sessions",
+        "told_factsheet",
+        "told_state",
+    )
+    fieldsets = (
+        (None, {"fields": ("title", "name", "description", "owner", "floor_plan", "enabled")}),
+        (_("Who may drive"), {"fields": ("access", "observers_allowed", "turn_minutes")}),
+        (_("Between visits"), {"fields": ("returns_home", "charge_limit", "between", "turnaround_at")}),
+        (_("Driving"), {"fields": ("assist",)}),
+        (_("The robot's own screen"), {"fields": ("calls", "screen")}),
+        (_("Limits"), {"fields": ("max_linear", "max_angular"), "description": _("Below what the robot allows itself; empty means its own limit.")}),
+        (_("Connection"), {"fields": ("key", "online_now", "control", "last_seen_at", "driver", "battery", "docked", "sessions")}),
+        (_("What the robot says of itself"), {"fields": ("told_factsheet", "told_state"), "classes": ("collapse",)}),
+    )
+
+    def get_readonly_fields(self, request: HttpRequest, obj: Robot | None = None) -> tuple[str, ...]:
+        """A name is in topics, links and recordings: it stays once the robot exists. Whose it is, and where, is the site's to say."""
+        sites = () if self.sees_all(request) else ("owner", "floor_plan")
+        return (*self.readonly_fields, *sites, *(("name",) if obj is not None else ()))
+
+    # --- who may -----------------------------------------------------------------------------------------------------
+
+    def has_change_permission(self, request: HttpRequest, obj: Robot | None = None) -> bool:
+        """Who oversees all robots, and the owner."""
+        return bool(super().has_change_permission(request, obj)) or self.is_of(request, obj)
+
+    def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:  # noqa: FBT001 -- Django's signature
+        """Keep who may drive, and note who was given or lost it."""
+        super().save_formset(request, form, formset, change)
+        added, gone = getattr(formset, "new_objects", []), getattr(formset, "deleted_objects", [])
+        changed = [permit for permit, _fields in getattr(formset, "changed_objects", [])]
+        for act, permits in (("permit_granted", [*added, *changed]), ("permit_taken", gone)):
+            for permit in permits:
+                audit.note(act, actor=request.user, person=permit.user_id, robot=form.instance, detail=permit.kind)
+
+    def managed(self, request: HttpRequest, pk: Any) -> Robot:
+        """Return a robot for a page that changes it.
+
+        Raises:
+            Http404: there is none, or it is not theirs to see.
+            PermissionDenied: they may look at it and no more.
+        """
+        rows = self.get_queryset(request).select_related("floor_plan").defer("floor_plan__image")
+        robot: Robot = get_object_or_404(rows, pk=pk)
+        if not self.has_change_permission(request, robot):
+            raise PermissionDenied
+        return robot
+
+    def get_inlines(self, request: HttpRequest, _obj: Robot | None = None) -> list[Any]:
+        """Owners name people; only the site's own staff look them up."""
+        return [PermitInline if self.sees_all(request) else OwnersPermits]
+
+    def get_list_filter(self, request: HttpRequest) -> tuple[str, ...]:
+        """Owners have no use for lists of other owners and places."""
+        return self.list_filter if self.sees_all(request) else ("enabled", "access", "connection")
+
+    def get_search_fields(self, request: HttpRequest) -> tuple[str, ...]:
+        """Nor for their names."""
+        return self.search_fields if self.sees_all(request) else ("title", "name", "description")
+
+    # --- columns ------------------------------------------------------------------------------------------------------
+
+    @admin.display(description=_("online"), boolean=True, ordering="connection")
+    def online_now(self, robot: Robot) -> bool:
+        """Whether it is connected and was heard a moment ago."""
+        return robot.is_online(timezone.now())
+
+    @admin.display(description=_("its own control"))
+    def control(self, robot: Robot) -> str:
+        """Whether its agent reaches the robot's own control architecture, and why not."""
+        if not robot.is_online(timezone.now()):
+            return NOTHING
+        return trouble_of(robot.report) or _now("it answers")
+
+    @admin.display(description=_("battery"))
+    def battery(self, robot: Robot) -> str:
+        """Its charge, and whether it charges."""
+        battery = (robot.report or {}).get("battery")
+        if not battery:
+            return NOTHING
+        charge = f"{battery['charge']:.0%}"
+        return _now("%(charge)s, charging") % {"charge": charge} if battery.get("charging") else charge
+
+    @admin.display(description=_("dock"))
+    def docked(self, robot: Robot) -> str:
+        """Whether it stands in its dock; out of it is no fault, so that there is no red cross."""
+        return _now("docked") if robot.report and robot.report.get("docked") else NOTHING
+
+    @admin.display(description=_("access"), ordering="access")
+    def who(self, robot: Robot) -> str:
+        """Who may drive, in one word."""
+        if not robot.enabled:
+            return _now("disabled")
+        return {Robot.Access.OPEN: _now("open"), Robot.Access.INVITATION: _now("invited"), Robot.Access.TRAINED: _now("trained")}[robot.access]
+
+    @admin.display(description=_("last seen"), ordering="last_seen_at")
+    def seen(self, robot: Robot) -> str:
+        """When it was last heard."""
+        return NOTHING if robot.last_seen_at is None else _moment(robot.last_seen_at)
+
+    @admin.display(description=_("now"))
+    def between(self, robot: Robot) -> str:
+        """Whether it is ready for a visit, and why not."""
+        phase = robot.get_turnaround_display()
+        return f"{phase}: {in_words(robot.turnaround_reason)}" if robot.turnaround_reason else phase
+
+    @admin.display(description=_("driver"))
+    def driver(self, robot: Robot) -> str | SafeString:
+        """Who drives now, with a link to the session."""
+        lease = getattr(robot, "lease", None)
+        if lease is None or lease.session is None:
+            return NOTHING
+        return link_to("admin:telepresence_sessions_session_change", lease.session.visitor.shown_name, lease.session.pk)
+
+    @admin.display(description="")
+    def drive(self, robot: Robot) -> str | SafeString:
+        """The way to its drive page."""
+        return link_to("drive", _now("Drive"), robot.name)
+
+    @admin.display(description=_("credentials"))
+    def key(self, robot: Robot) -> str | SafeString:
+        """When its credentials were made, and the way to new ones."""
+        if not robot.credential_hash or robot.credential_made_at is None:
+            state = _now("none: it cannot connect")
+        else:
+            state = _now("made %(when)s") % {"when": _moment(robot.credential_made_at)}
+        if robot._state.adding:  # noqa: SLF001 -- Django's documented way to ask
+            return _now("Save the robot first.")
+        if robot.renewal_asked_at is not None:
+            state = _now("%(made)s, new ones asked for and not fetched yet") % {"made": state}
+        ways = (
+            link_to("admin:robots_robot_enrol", _now("Enrol its computer"), robot.pk),
+            link_to("admin:robots_robot_credentials", _now("Make new credentials"), robot.pk),
+        )
+        return format_html("{} · {} · {}", state, *ways)
+
+    @admin.display(description=_("screen"))
+    def screen(self, robot: Robot) -> str | SafeString:
+        """Whether its display has an address, and the way to a new one."""
+        if robot._state.adding:  # noqa: SLF001 -- Django's documented way to ask
+            return _now("Save the robot first.")
+        made = robot.screen_made_at
+        state = _now("none") if made is None else _now("made %(when)s") % {"when": _moment(made)}
+        return format_html("{} · {}", state, link_to("admin:robots_robot_screen", _now("Make an address for its display"), robot.pk))
+
+    @admin.display(description=_("sessions"))
+    def sessions(self, robot: Robot) -> str | SafeString:
+        """The way to its sessions."""
+        return link_to("admin:telepresence_sessions_session_changelist", _now("Show its sessions"), query=f"?robot__id__exact={robot.pk}")
+
+    @admin.display(description=_("factsheet"))
+    def told_factsheet(self, robot: Robot) -> str | SafeString:
+        """What it is and can do, as it said it."""
+        return _shown(robot.factsheet)
+
+    @admin.display(description=_("last state"))
+    def told_state(self, robot: Robot) -> str | SafeString:
+        """Its last state, as it said it."""
+        return _shown(robot.report)
+
+    # --- credentials --------------------------------------------------------------------------------------------------
+
+    def get_urls(self) -> list[URLPattern]:
+        """Add the pages that make credentials and screen keys, and move doors."""
+        page = self.admin_site.admin_view(never_cache(self.credentials_view))
+        doors = self.admin_site.admin_view(never_cache(self.doors_view))
+        return [
+            path("<uuid:pk>/credentials/", page, name="robots_robot_credentials"),
+            path("<uuid:pk>/doors/", doors, name="robots_robot_doors"),
+            path("<uuid:pk>/enrol/", self.admin_site.admin_view(never_cache(self.enrol_view)), name="robots_robot_enrol"),
+            path("<uuid:pk>/screen/", self.admin_site.admin_view(never_cache(self.screen_view)), name="robots_robot_screen"),
+            *super().get_urls(),
+        ]
+
+    def credentials_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
+        """Ask whether to make new credentials, and show them once."""
+        robot = self.managed(request, pk)
+        context: dict[str, Any] = self.admin_site.each_context(request) | {
+            "title": _now("Credentials of %(robot)s") % {"robot": robot}, "robot": robot, "opts": self.opts,
+        }  # fmt: skip
+        if request.method == "POST":
+            made = make_credentials(robot, timezone.now())
+            self.log_change(request, robot, _now("New credentials."))
+            audit.note("credentials_made", actor=request.user, robot=robot)
+            server = request.build_absolute_uri("/").rstrip("/")
+            toml = made.toml(server=server)
+            context |= {"token": made.token, "server": server, "toml": toml, "file": f"{robot.name}.toml"}
+            # In the page itself, so that the token need not be kept for a second request.
+            context["download"] = f"data:application/toml,{quote(toml)}"
+        return render(request, "admin/robots/robot/credentials.html", context)
+
+    # --- actions ------------------------------------------------------------------------------------------------------
+
+    @admin.action(description=_("Make new credentials"), permissions=["change"])
+    def new_credentials(self, request: HttpRequest, robots: "QuerySet[Robot]") -> HttpResponse | None:
+        """Go to the page that makes them, for one robot at a time: they are shown only once."""
+        chosen = list(robots[:2])
+        if len(chosen) == 1:
+            return HttpResponseRedirect(reverse("admin:robots_robot_credentials", args=[chosen[0].pk]))
+        self.message_user(request, _now("Choose one robot: its credentials are shown only once."), messages.ERROR)
+        return None
+
+    @admin.action(description=_("Revoke the credentials"), permissions=["change"])
+    def revoke_credentials(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
+        """Take the tokens away; the broker disconnects the robots within seconds."""
+        for robot in robots:
+            revoke(robot)
+            self.log_change(request, robot, _now("Credentials revoked."))
+            audit.note("credentials_revoked", actor=request.user, robot=robot)
+        text = ngettext("%(n)d robot can no longer connect.", "%(n)d robots can no longer connect.", len(robots))
+        self.message_user(request, text % {"n": len(robots)}, messages.SUCCESS)
+
+    @admin.action(description=_("Free now, wherever it stands"), permissions=["change"])
+    def free(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
+        """Let visitors have robots that are on their way home, charging, or stuck."""
+        changed = list(robots.exclude(turnaround=Robot.Turnaround.READY))
+        Robot.objects.filter(pk__in=[robot.pk for robot in changed]).update(turnaround=Robot.Turnaround.READY, turnaround_reason="")
+        for robot in changed:
+            self.log_change(request, robot, _now("Freed."))
+            audit.note("robot_freed", actor=request.user, robot=robot)
+        text = ngettext("%(n)d robot was freed.", "%(n)d robots were freed.", len(changed))
+        self.message_user(request, text % {"n": len(changed)}, messages.SUCCESS)
+
+    @admin.action(description=_("Disable"), permissions=["change"])
+    def disable(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
+        """Keep the robots from connecting and from being driven, with their credentials left as they are."""
+        self._set_enabled(request, robots, enabled=False)
+
+    @admin.action(description=_("Enable"), permissions=["change"])
+    def enable(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
+        """Let the robots connect again."""
+        self._set_enabled(request, robots, enabled=True)
+
+    def _set_enabled(self, request: HttpRequest, robots: "QuerySet[Robot]", *, enabled: bool) -> None:
+        changed = list(robots.exclude(enabled=enabled))
+        Robot.objects.filter(pk__in=[robot.pk for robot in changed]).update(enabled=enabled)
+        for robot in changed:
+            self.log_change(request, robot, _now("Enabled.") if enabled else _now("Disabled."))
+            audit.note("robot_enabled" if enabled else "robot_disabled", actor=request.user, robot=robot)
+        text = ngettext("%(n)d robot was changed.", "%(n)d robots were changed.", len(changed))
+        self.message_user(request, text % {"n": len(changed)}, messages.SUCCESS)
+
+
+@admin.register(FloorPlan)
+class FloorPlanAdmin(OfRobots):
+    """Floor plans, taken from files. They are the site's: owners look at those of their robots."""
+
+    form = FloorPlanForm
+    list_display = ("title", "name", "size", "robot_count")
+    search_fields = ("title", "name")
+    readonly_fields = ("preview", "size", "places", "resolution", "origin_x", "origin_y", "origin_theta", "sha256")
+
+    def is_of(self, request: HttpRequest, row: Model | None) -> bool:
+        """A place belongs to everybody who has a robot there."""
+        return super().is_of(request, None) if row is None else Robot.objects.filter(floor_plan=row.pk, owner=request.user.pk).exists()
+
+    def get_queryset(self, request: HttpRequest) -> "QuerySet[FloorPlan]":
+        """Count the robots in the same query, and leave the images out of lists."""
+        rows: QuerySet[FloorPlan] = admin.ModelAdmin.get_queryset(self, request)
+        if not self.sees_all(request):
+            rows = rows.filter(pk__in=Robot.objects.filter(owner=request.user.pk, floor_plan__isnull=False).values("floor_plan"))
+        return rows.annotate(robots_there=Count("robots"))
+
+    def get_fieldsets(self, _request: HttpRequest, obj: FloorPlan | None = None) -> list[tuple[Any, dict[str, Any]]]:
+        """A new floor plan is three files; an old one shows what is in them."""
+        files = ("map_file", "image_file", "plan_file")
+        if obj is None:
+            return [(None, {"fields": (*files, "name", "title"), "description": _("With a plan.json the map id and title come from it.")})]
+        geometry = ("size", "resolution", "origin_x", "origin_y", "origin_theta", "places", "sha256")
+        return [
+            (None, {"fields": ("title", "name", "preview")}),
+            (_("Map"), {"fields": geometry}),
+            (_("Replace by other files"), {"fields": files, "classes": ("collapse",)}),
+        ]
+
+    def get_readonly_fields(self, _request: HttpRequest, obj: FloorPlan | None = None) -> tuple[str, ...]:
+        """A map id is known to robots: it stays."""
+        return (*self.readonly_fields, *(("name",) if obj is not None else ()))
+
+    @admin.display(description=_("preview"))
+    def preview(self, plan: FloorPlan) -> str | SafeString:
+        """The image of the map."""
+        address = reverse("floor_plan_image", args=[plan.name])
+        return format_html('<img src="{}?v={}" alt="{}" width="{}">', address, plan.sha256[:16], plan.title, min(plan.width, 480))
+
+    @admin.display(description=_("size"))
+    def size(self, plan: FloorPlan) -> str:
+        """Its extent in metres and in pixels."""
+        wide, high = plan.width * plan.resolution, plan.height * plan.resolution
+        return f"{wide:.1f} × {high:.1f} m ({plan.width} × {plan.height})"
+
+    @admin.display(description=_("robots"), ordering="robots_there")
+    def robot_count(self, plan: FloorPlan) -> str | SafeString:
+        """How many robots drive there, with a link to them."""
+        count = getattr(plan, "robots_there", 0)
+        return link_to("admin:robots_robot_changelist", count, query=f"?floor_plan__id__exact={plan.pk}")
+
+    @admin.display(description=_("in the plan"))
+    def places(self, plan: FloorPlan) -> str:
+        """What the plan names."""
+        kinds = {
+            "rooms": _now("rooms"), "doors": _now("doors"), "docks": _now("docks"), "places": _now("places"), "routes": _now("routes"),
+        }  # fmt: skip
+        named = [f"{len(plan.plan[kind])} {word}" for kind, word in kinds.items() if plan.plan.get(kind)]
+        return ", ".join(named) or NOTHING
+
+
+def _moment(moment: datetime.datetime) -> str:
+    return timezone.localtime(moment).strftime("%Y-%m-%d %H:%M")
+
+
+def _shown(content: Any) -> str | SafeString:
+    return format_html("<pre>{}</pre>", json.dumps(content, indent=2, ensure_ascii=False)) if content else NOTHING

@@ -1,0 +1,100 @@
+"""Which robots somebody manages in the administration: owners their own, whoever has Django's rights to a kind of rows all of them.
+
+Robots of others are not forbidden but absent.
+"""
+
+from typing import Any
+
+from django.contrib import admin
+from django.core.exceptions import ValidationError
+from django.db.models import Model, QuerySet
+from django.forms import CharField, ModelForm, TextInput
+from django.http import HttpRequest
+from django.utils.translation import gettext_lazy as _
+
+from accounts.models import User
+from robots.models import Robot, RobotPermit
+
+
+def _user(request: HttpRequest) -> Any:
+    return request.user
+
+
+class OfRobots(admin.ModelAdmin):
+    """Rows that belong to a robot; `robot` is the way to it in Django's notation, empty for the robot itself."""
+
+    robot = ""
+
+    def sees_all(self, request: HttpRequest) -> bool:
+        """Tell whether whoever asks was given the right to look at all such rows."""
+        return bool(super().has_view_permission(request))
+
+    def is_of(self, request: HttpRequest, row: Model | None) -> bool:
+        """Tell whether a row belongs to a robot of whoever asks; without a row, whether they have a robot at all."""
+        if row is None:
+            return bool(_user(request).is_staff) and Robot.objects.filter(owner=_user(request)).exists()
+        robot = getattr(row, self.robot) if self.robot else row
+        return robot is not None and robot.owner_id == _user(request).pk
+
+    def get_queryset(self, request: HttpRequest) -> "QuerySet[Any]":
+        """Leave out what belongs to robots of others."""
+        rows: QuerySet[Any] = super().get_queryset(request)
+        return rows if self.sees_all(request) else rows.filter(**{f"{self.robot}__owner" if self.robot else "owner": _user(request)})
+
+    def has_module_permission(self, request: HttpRequest) -> bool:
+        """Show the part of the site to owners too."""
+        return bool(super().has_module_permission(request)) or self.is_of(request, None)
+
+    def has_view_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
+        """Whoever sees all, and the owner."""
+        return bool(super().has_view_permission(request, obj)) or self.is_of(request, obj)
+
+
+# --- who may drive, for owners, who look nobody up ----------------------------------------------------------------------
+
+
+class PermitForm(ModelForm):
+    """A permit for somebody whose user name the owner knows: owners see no list of people."""
+
+    person = CharField(label=_("User name"), max_length=150, required=False, widget=TextInput(attrs={"autocomplete": "off"}))
+
+    class Meta:
+        model = RobotPermit
+        fields = ("kind",)
+
+    def clean(self) -> dict[str, Any]:
+        """Find the person of a new permit."""
+        cleaned = super().clean() or self.cleaned_data
+        if self.instance._state.adding:  # noqa: SLF001 -- Django's documented way to ask
+            found = User.objects.filter(username=cleaned.get("person", ""), is_active=True).first()
+            if found is None:
+                raise ValidationError({"person": _("There is no such user.")})
+            if RobotPermit.objects.filter(robot=self.instance.robot_id, user=found, kind=cleaned.get("kind", "")).exists():
+                raise ValidationError({"person": _("This person has that permit already.")})
+            self.instance.user = found
+        return cleaned
+
+
+class _ByRobot:
+    """Permissions of an inline: whoever may change the robot may change who drives it."""
+
+    def has_view_permission(self, _request: HttpRequest, _obj: Robot | None = None) -> bool:
+        """The page of the robot was allowed already."""
+        return True
+
+    has_add_permission = has_change_permission = has_delete_permission = has_view_permission
+
+
+class OwnersPermits(_ByRobot, admin.TabularInline):
+    """Who was invited, trained, or made an operator; new ones by user name."""
+
+    model = RobotPermit
+    form = PermitForm
+    extra = 0
+    fields = ("who", "person", "kind", "granted_at")
+    readonly_fields = ("who", "granted_at")
+
+    @admin.display(description=_("user"))
+    def who(self, permit: RobotPermit) -> str:
+        """What others see of the person."""
+        return permit.user.shown_name if permit.user_id else ""

@@ -1,0 +1,182 @@
+"""The way to the robot control architecture: reached again for ever, watched for silence, and checked for sense."""
+
+import asyncio
+import contextlib
+import logging
+import random
+from typing import Any, Protocol
+
+from robots.agent.adapters.contract import ActionProgress, Adapter, AdapterError, RcaState, SelfDriving
+from robots.agent.backoff import Backoff
+from robots.agent.reading import UnsoundReadingError, sound
+from robots.api.messages import Action, AssistLevel, FloorPlanUpdate, Velocity
+
+log = logging.getLogger(__name__)
+
+CONNECT_TIME = 30.0
+SILENCE = 2.0
+START_TIME = 10.0
+CLOSE_TIME = 5.0
+
+
+class Listener(Protocol):
+    """Who hears of the RCA. Called on the control loop."""
+
+    def reading(self, reading: RcaState) -> None:
+        """Take a sound reading."""
+
+    def progressed(self, progress: ActionProgress) -> None:
+        """Take news of an action."""
+
+    def adapter_changed(self, *, up: bool, reason: str = "") -> None:
+        """The RCA reports sound readings, or was lost."""
+
+
+class AdapterLink:
+    """One adapter, connected for as long as `run` runs."""
+
+    def __init__(self, adapter: Adapter, *, rng: random.Random) -> None:
+        self.adapter = adapter
+        self.up = False
+        self._driving = adapter if isinstance(adapter, SelfDriving) else None
+        self._backoff = Backoff(rng, first=0.5)
+        self._failure: asyncio.Future[None] | None = None
+        self._cancelling: set[asyncio.Task[Any]] = set()
+
+    async def run(self, listener: Listener) -> None:
+        """Connect, listen, and begin again when the RCA is lost."""
+        while True:
+            try:
+                async with asyncio.timeout(CONNECT_TIME):
+                    await self.adapter.connect()
+                await self._listen(listener)
+                reason = "it stopped reporting"
+            except TimeoutError:
+                reason = f"no answer within {CONNECT_TIME:.0f} s"
+            except AdapterError as error:
+                reason = str(error)
+            was_up, self.up = self.up, False
+            log.warning("adapter_lost reason=%r", reason)
+            listener.adapter_changed(up=False, reason=reason)
+            await asyncio.sleep(self._backoff.failed(self._backoff.settled if was_up else 0.0))
+
+    def apply(self, velocity: Velocity, *, navigating: bool = False) -> Velocity | None:
+        """Send a velocity to the base and return what was really sent; None when the RCA is gone, which `run` then reports."""
+        if not self.up:
+            return None
+        try:
+            return self._driving.proceed(velocity) if navigating and self._driving else self.adapter.apply(velocity)
+        except AdapterError as error:
+            self._fail(error)
+            return None
+
+    @property
+    def steered(self) -> float:
+        """The turn in rad/s that assistance added to the velocity applied last."""
+        return self._driving.steered if self._driving else 0.0
+
+    def wanted(self) -> Velocity | None:
+        """Return what the agent's own navigation wants now; None when there is none, or nothing runs."""
+        return self._driving.wanted() if self.up and self._driving else None
+
+    def set_assist(self, level: AssistLevel) -> None:
+        """Tell an adapter that assists how much of it."""
+        if self._driving:
+            self._driving.set_assist(level)
+
+    def take_floorplan(self, update: FloorPlanUpdate) -> None:
+        """Give the server's map to an adapter that can use it."""
+        if self._driving:
+            self._driving.take_floorplan(update)
+
+    async def start(self, action: Action) -> None:
+        """Begin an action, after what is being cancelled is gone: not every RCA can tell the two apart.
+
+        Raises:
+            AdapterError: not possible, or no answer.
+        """
+        if not self.up:
+            raise AdapterError("the robot control architecture is not reached")
+        try:
+            async with asyncio.timeout(START_TIME):
+                while self._cancelling:
+                    await asyncio.wait(self._cancelling)
+                await self.adapter.start(action)
+        except TimeoutError as error:
+            raise AdapterError("no answer") from error
+
+    async def cancel(self, action_id: str) -> None:
+        """Cancel an action, as far as the RCA is there to hear it."""
+        if not self.up:
+            return
+        cancelling = asyncio.ensure_future(self._cancel(action_id))
+        self._cancelling.add(cancelling)
+        cancelling.add_done_callback(self._cancelling.discard)
+        await cancelling
+
+    async def close(self) -> None:
+        """Leave the robot standing and let go of it."""
+        self.up = False
+        with contextlib.suppress(AdapterError, TimeoutError):
+            async with asyncio.timeout(CLOSE_TIME):
+                await self.adapter.close()
+
+    # --- inside ------------------------------------------------------------------------------------------------------
+
+    async def _listen(self, listener: Listener) -> None:
+        """Hand on readings and progress until one of them ends or the base refuses a velocity.
+
+        Raises:
+            AdapterError: why it ended.
+        """
+        self._failure = asyncio.get_running_loop().create_future()
+        tasks = {asyncio.ensure_future(self._states(listener)), asyncio.ensure_future(self._progress(listener)), self._failure}
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for task in done:
+                task.result()
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _cancel(self, action_id: str) -> None:
+        try:
+            async with asyncio.timeout(START_TIME):
+                await self.adapter.cancel(action_id)
+        except (AdapterError, TimeoutError) as error:
+            self._fail(AdapterError(f"an action could not be cancelled: {error}"))
+
+    async def _states(self, listener: Listener) -> None:
+        states = self.adapter.states()
+        silent = asyncio.timeout(SILENCE)
+        complaint = "it is silent"
+        try:
+            async with silent:
+                async for reading in states:
+                    try:
+                        checked = sound(reading)
+                    except UnsoundReadingError as error:
+                        # Only a sound reading postpones the time-out: nonsense is no better than silence.
+                        complaint = f"it reports nonsense: {error}"
+                        continue
+                    silent.reschedule(asyncio.get_running_loop().time() + SILENCE)
+                    self._came_up(listener)
+                    listener.reading(checked)
+        except TimeoutError as error:
+            raise AdapterError(complaint) from error
+
+    def _came_up(self, listener: Listener) -> None:
+        if not self.up:
+            self.up = True
+            log.info("adapter_connected series=%r", self.adapter.profile.series)
+            listener.adapter_changed(up=True)
+
+    async def _progress(self, listener: Listener) -> None:
+        async for progress in self.adapter.progress():
+            listener.progressed(progress)
+        await asyncio.Future()  # an adapter without actions has no more to say, and is not lost for that
+
+    def _fail(self, error: AdapterError) -> None:
+        if self._failure is not None and not self._failure.done():
+            self._failure.set_exception(error)

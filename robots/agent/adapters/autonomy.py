@@ -1,0 +1,356 @@
+"""Localization, navigation and assistance for a robot that has none: wraps any adapter that gives velocity, odometry and a laser.
+
+    inner adapter ──reading──► Guard (here, at once) ──► what a driver asks for, shaped
+                        └────► Mind (a process of its own) ──► pose, what an action wants, the path
+
+What navigation wants goes through the safety kernel like a visitor's wish (contract.SelfDriving). A mind that is late makes the robot
+stand; one that stays silent is given up, its action fails with the reason, and the next mind begins where the robot was known last.
+
+Longer than most files: it is every member of the contract, in its order.
+"""
+
+import asyncio
+import logging
+import math
+import time
+from collections.abc import AsyncIterator, Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from robots.agent.adapters.autonomy_child import MindProcess, Orderable
+from robots.agent.adapters.autonomy_memory import PoseMemory
+from robots.agent.adapters.contract import (
+    ActionProgress,
+    Adapter,
+    AdapterError,
+    AudioSource,
+    Display,
+    Profile,
+    RcaState,
+    Speaker,
+    VideoSource,
+    outputs_of,
+)
+from robots.agent.autonomy import wire
+from robots.agent.autonomy.area import AreaError, own_dock, plan_of
+from robots.agent.autonomy.guard import Guard
+from robots.agent.autonomy.perception import Body, Perception, Thought, beams_of
+from robots.agent.autonomy.whereabouts import Whereabouts
+from robots.agent.cadence import Cadence
+from robots.agent.ledger import ENDED
+from robots.agent.motion import ZERO
+from robots.agent.reading import UnsoundReadingError, sound
+from robots.agent.world.sensing import Beams
+from robots.api.floorplan import Dock as Station
+from robots.api.geometry import Pose2D
+from robots.api.messages import Action, AssistLevel, Capability, FloorPlanUpdate, Laser, Point, Relocalize, Velocity
+
+THINKING = 0.1  # seconds between two perceptions
+LATE = 0.3  # seconds without a thought after which the robot stands
+STUCK, STUCK_IDLE = 1.0, 3.0  # and after which the mind is given up: while it drives, while it does not
+START_SPREAD, START_TURN = 0.15, math.radians(8.0)  # how exactly somebody puts a robot where it begins
+AGAIN_SPREAD, AGAIN_TURN = 0.25, math.radians(15.0)  # and how far it may have gone since it was known last
+OURS: tuple[Capability, ...] = ("localization", "goto", "follow", "dock", "undock", "relocalize", "assist")
+
+log = logging.getLogger(__name__)
+
+
+def wrapped(inner: Adapter, area: FloorPlanUpdate | None, memory: Path | None = None) -> Adapter:
+    """Return the adapter with autonomy, or as it is when it localizes itself or has no laser.
+
+    `area` is the site it stands in, None when the server will say so; `memory` is the file that keeps where it stood.
+    """
+    profile = inner.profile
+    if profile.laser is None or "localization" in profile.capabilities:
+        return inner
+    return AutonomyAdapter(inner, profile.laser, area, memory)
+
+
+class AutonomyAdapter:
+    """See contract.Adapter and contract.SelfDriving."""
+
+    def __init__(
+        self, inner: Adapter, laser: Laser, area: FloorPlanUpdate | None, memory: Path | None = None, now: Callable[[], float] = time.monotonic
+    ) -> None:
+        own = inner.profile
+        self.inner = inner
+        self._ours = frozenset(OURS) - frozenset(own.capabilities)
+        self.profile: Profile = replace(own, capabilities=(*own.capabilities, *(name for name in OURS if name in self._ours)))
+        self._laser, self._now = laser, now
+        self._knows_site = area is not None
+        self._memory = PoseMemory(memory)
+        self._guard = Guard(own.footprint, own.limits)
+        self._whereabouts = Whereabouts()
+        self.mind = MindProcess(Body(own.series, own.footprint, own.limits), thought=self._think, settled=self._place)
+        self._area: FloorPlanUpdate | None = None
+        self._dock: Station | None = None
+        self._news: asyncio.Queue[ActionProgress | AdapterError] = asyncio.Queue()
+        self._due = Cadence(THINKING)
+        self._last: RcaState | None = None
+        self._beams: Beams | None = None
+        self._told_sweep = -math.inf
+        self._path: tuple[Point, ...] = ()
+        self._wish: Velocity | None = None
+        self._running: str | None = None  # the action that moves the robot
+        self._looking: set[str] = set()  # actions that look for it
+        self._heard_at = -math.inf
+        if area is not None:
+            self._settle(area)
+
+    async def connect(self) -> None:
+        """Reach the RCA; the mind begins by itself, and what it is not there for yet goes without it.
+
+        Raises:
+            AdapterError: the RCA cannot be reached.
+        """
+        await self.inner.connect()
+        self._last = self._beams = None
+        self.mind.run()
+
+    def apply(self, velocity: Velocity) -> Velocity:
+        """Send what the assistance makes of a driver's velocity.
+
+        Raises:
+            AdapterError: the RCA is gone.
+        """
+        if self._guard.level == "off":
+            return self.proceed(velocity)
+        return self.inner.apply(self._guard.shape(velocity, self._now(), self._dock_seen()).velocity)
+
+    def proceed(self, velocity: Velocity) -> Velocity:
+        """Send a velocity as it is.
+
+        Raises:
+            AdapterError: the RCA is gone.
+        """
+        self._guard.leave(velocity)
+        return self.inner.apply(velocity)
+
+    @property
+    def steered(self) -> float:
+        """The turn in rad/s that the assistance added to what was applied last."""
+        return self._guard.steered
+
+    def wanted(self) -> Velocity | None:
+        """Return what the running action wants, to stand when its mind is late, None without one."""
+        if self._running is None:
+            return None
+        late = self._now() - self._heard_at > LATE
+        return ZERO if late or self._wish is None else self._wish
+
+    def set_assist(self, level: AssistLevel) -> None:
+        """Help the driver that much."""
+        self._guard.level = level
+
+    def take_floorplan(self, update: FloorPlanUpdate) -> None:
+        """Think in the server's map, unless the robot's own configuration names the site."""
+        if self._knows_site:
+            if self._area is not None and update.map_id != self._area.map_id:
+                log.warning("floorplan_ignored map=%s site=%s", update.map_id, self._area.map_id)
+        elif update != self._area:
+            self._end_all("the map has changed")
+            self._settle(update)
+
+    async def start(self, action: Action) -> None:
+        """Begin an action, of ours or of the RCA's.
+
+        Raises:
+            AdapterError: not possible, with the reason.
+        """
+        if not isinstance(action, Orderable) or _name(action) not in self._ours:
+            await self.inner.start(action)
+            return
+        if not isinstance(action, Relocalize) and (self._beams is None or self._last is None):
+            raise AdapterError("the laser has not been heard yet")
+        await self.mind.order(action)
+        self._tell(ActionProgress(action.action_id, "RUNNING"))
+        if isinstance(action, Relocalize):
+            self._looking.add(action.action_id)
+        else:
+            self._running, self._wish, self._heard_at = action.action_id, None, self._now()
+
+    async def cancel(self, action_id: str) -> None:
+        """Cancel an action; unknown ids are ignored."""
+        if action_id == self._running or action_id in self._looking:
+            self.mind.say(wire.Drop(action_id))
+            self._end(ActionProgress(action_id, "CANCELLED", "cancelled"))
+        await self.inner.cancel(action_id)
+
+    async def states(self) -> AsyncIterator[RcaState]:
+        """Yield the RCA's states with our pose, clearance and path in them.
+
+        Raises:
+            AdapterError: the RCA is gone.
+        """
+        try:
+            async for reading in self.inner.states():
+                self.mind.check()
+                yield self._enriched(reading)
+        finally:
+            self._end_all("the robot was lost")
+
+    async def progress(self) -> AsyncIterator[ActionProgress]:
+        """Yield news of actions, the RCA's and ours.
+
+        Raises:
+            AdapterError: the RCA's news have ended so.
+        """
+        pump = asyncio.ensure_future(self._pump())
+        try:
+            while True:
+                news = await self._news.get()
+                if isinstance(news, AdapterError):
+                    raise news
+                yield news
+        finally:
+            pump.cancel()
+            await asyncio.gather(pump, return_exceptions=True)
+
+    def video(self) -> VideoSource | None:
+        """Return the RCA's camera."""
+        return self.inner.video()
+
+    def audio(self) -> AudioSource | None:
+        """Return the RCA's microphone."""
+        return self.inner.audio()
+
+    def speaker(self) -> Speaker | None:
+        """Return the RCA's loudspeaker."""
+        return outputs_of(self.inner)[0]
+
+    def display(self) -> Display | None:
+        """Return the RCA's display."""
+        return outputs_of(self.inner)[1]
+
+    def configure(self, config: Any) -> None:
+        """Hand a `Config` on."""
+        self.inner.configure(config)
+
+    async def close(self) -> None:
+        """Leave the robot standing, and end the mind."""
+        self._end_all("the agent ends")
+        try:
+            await self.inner.close()
+        finally:
+            await self.mind.close()
+            if self._area is not None and self._last is not None and self._whereabouts.trusted:
+                await self._memory.close(self._area.map_id, self._whereabouts.place(self._last.odometry))
+
+    # --- readings ----------------------------------------------------------------------------------------------------
+
+    def _enriched(self, reading: RcaState) -> RcaState:
+        try:
+            reading = sound(reading)
+        except UnsoundReadingError:
+            return reading  # whoever gets it says so; nothing of it is perceived
+        now = self._now()
+        self._perceive(reading, now)
+        self._watch(now)
+        why, point = self._guard.why(now)
+        pose = self._whereabouts.pose(reading.odometry, now)
+        if pose.localized and self._area is not None:
+            self._memory.note(self._area.map_id, Pose2D(pose.x, pose.y, pose.theta), now)
+        return replace(
+            reading,
+            pose=pose,
+            clearance=self._guard.clearance() if reading.clearance is None else reading.clearance,
+            errors=(*reading.errors, *self._complaints(reading)),
+            path=self._path,
+            assist_why=why,
+            assist_point=point,
+        )
+
+    def _perceive(self, reading: RcaState, now: float) -> None:
+        if reading.odometry is None:
+            return
+        self._last = reading
+        beams = None if reading.scan is None else beams_of(reading.scan, self._laser)
+        self._beams = beams or self._beams
+        self._guard.sense(reading.stamp, reading.odometry, beams, now)
+        if self.mind.ready and self._due.due(now):
+            moment = Perception(reading.stamp, reading.odometry, reading.velocity, reading.docked, self._beams, self._guard.points())
+            new = self._beams is not None and self._beams.stamp != self._told_sweep
+            if self.mind.say(wire.perceive(moment, new=new)) and self._beams is not None:
+                self._told_sweep = self._beams.stamp
+
+    def _complaints(self, reading: RcaState) -> tuple[str, ...]:
+        if reading.odometry is None:
+            return ("the robot gives no odometry",)
+        return () if self.mind.ready else (f"navigation: {self.mind.problem}",)
+
+    def _dock_seen(self) -> Pose2D | None:
+        """Return the docked robot's pose seen from the robot, when it knows where both are."""
+        if self._dock is None or self._last is None or not self._whereabouts.pose(self._last.odometry, self._now()).localized:
+            return None
+        here = self._whereabouts.place(self._last.odometry)
+        return None if here is None else here.inverse().compose(Pose2D(self._dock.x, self._dock.y, self._dock.theta))
+
+    # --- the mind ----------------------------------------------------------------------------------------------------
+
+    def _settle(self, area: FloorPlanUpdate) -> None:
+        self._area = area
+        try:
+            self._dock = own_dock(plan_of(area), self.profile.series)
+        except AreaError as error:
+            self._dock = None
+            log.warning("plan_refused reason=%r", str(error))
+        self._whereabouts = Whereabouts()
+        self.mind.settle(area)
+
+    def _place(self) -> None:
+        """Tell a new mind where the robot is: where the last one knew it to be, or where it begins."""
+        self._heard_at, self._told_sweep = self._now(), -math.inf
+        odometry = self._last.odometry if self._last else None
+        known = self._whereabouts.place(odometry) if self._whereabouts.trusted else None
+        if known is not None:
+            self.mind.say(wire.Place(known, AGAIN_SPREAD, AGAIN_TURN))
+        elif self.profile.start is not None and self._whereabouts.unheard:
+            self.mind.say(wire.Place(self.profile.start, START_SPREAD, START_TURN))
+        elif self._whereabouts.unheard and self._area is not None and (kept := self._memory.recall(self._area.map_id)):
+            self.mind.say(wire.Place(kept, AGAIN_SPREAD, AGAIN_TURN))
+
+    def _think(self, thought: Thought) -> None:
+        now = self._now()
+        self._heard_at, self._wish = now, thought.wanted
+        self._whereabouts.take(thought, now)
+        if thought.path is not None:
+            self._path = thought.path
+        for news in thought.news:
+            if news.action_id == self._running or news.action_id in self._looking:
+                take = self._end if news.status in ENDED else self._tell
+                take(news)
+
+    def _watch(self, now: float) -> None:
+        """Give up a mind that does not think any more."""
+        silent = now - self._heard_at
+        if not self.mind.ready:
+            self._end_all(f"navigation was lost: {self.mind.problem}")
+        elif silent > (STUCK if self._running else STUCK_IDLE):
+            self._end_all("navigation has stopped answering")
+            self.mind.give_up("it does not answer")
+
+    def _end_all(self, reason: str) -> None:
+        for action_id in ([self._running] if self._running else []) + sorted(self._looking):
+            self.mind.say(wire.Drop(action_id))
+            self._end(ActionProgress(action_id, "FAILED", reason))
+
+    def _end(self, news: ActionProgress) -> None:
+        self._looking.discard(news.action_id)
+        if news.action_id == self._running:
+            self._running, self._wish, self._path = None, None, ()
+        self._tell(news)
+
+    def _tell(self, news: ActionProgress) -> None:
+        self._news.put_nowait(news)
+
+    async def _pump(self) -> None:
+        try:
+            async for news in self.inner.progress():
+                self._tell(news)
+        except AdapterError as error:
+            self._news.put_nowait(error)
+
+
+def _name(action: Action) -> str:
+    return str(type(action).__struct_config__.tag)

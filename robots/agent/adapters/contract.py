@@ -1,0 +1,298 @@
+"""What an adapter is: the one place where this project meets a robot control architecture (RCA).
+
+An adapter translates and nothing more. It never decides what is safe (the safety kernel has done so before `apply`), and never
+sees MQTT or WebRTC. To connect a new robot, write one class with these members and name it in registry.py.
+
+Times: `stamp` is Unix time in seconds of the robot's computer. Lengths in metres, angles in radians, x forward, y left.
+"""
+
+from collections.abc import AsyncIterator
+from dataclasses import dataclass, field
+from typing import Any, Literal, Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+from robots.api.geometry import Pose2D
+from robots.api.messages import (
+    Action,
+    ActionState,
+    AssistLevel,
+    Battery,
+    Camera,
+    Capability,
+    FloorPlanUpdate,
+    Laser,
+    Limits,
+    Point,
+    Pose,
+    Scan,
+    TiltRange,
+    Velocity,
+)
+
+NOWHERE = Pose(x=0.0, y=0.0, theta=0.0, localized=False, score=0.0)  # the pose of a robot that has no localization
+
+
+class AdapterError(Exception):
+    """The robot control architecture cannot be reached, or said no; the message is one sentence for the robot's owner."""
+
+
+@dataclass(frozen=True)
+class Profile:
+    """What is fixed about a robot, known before `connect()`: the adapter's share of the factsheet.
+
+    `footprint` is a convex polygon of (x, y) in the robot's frame; `watchdog` the seconds after which the base stops by itself
+    when the agent is dead or stuck. An adapter without a watchdog is refused.
+
+    An adapter that gives odometry and scans, and has no localization of its own, gets ours (autonomy.py) when it names its `laser`.
+    `plan` is the site where such a robot stands, a shipped name or a folder, and `start` where it stands there when it is connected
+    first; both are empty when the RCA cannot know.
+    """
+
+    series: str
+    rca: str
+    capabilities: tuple[Capability, ...]
+    limits: Limits
+    footprint: tuple[tuple[float, float], ...]
+    watchdog: float
+    camera: Camera | None = None
+    tilt: TiltRange | None = None
+    laser: Laser | None = None
+    map_id: str = ""
+    plan: str = ""
+    start: Pose2D | None = None
+
+
+@dataclass(frozen=True)
+class RcaState:
+    """One reading of everything the RCA reports.
+
+    `pose` is `NOWHERE` when the RCA does not localize itself; `odometry` is dead reckoning, in a frame of its own that begins anywhere.
+    `clearance` is the distance in metres from the footprint to the nearest thing, None when unknown. `contacts` counts the
+    collisions that began since connect(), `distance` the metres driven since then. `estop` is true while the robot's own
+    emergency button is pressed. `path` is what the robot follows by itself, in map metres, () when that is nothing, None when unknown.
+    `assist_why` and `assist_point` say what the assistance minds, as in `messages.State`.
+    """
+
+    stamp: float
+    pose: Pose
+    velocity: Velocity
+    battery: Battery
+    docked: bool = False
+    tilt: float | None = None
+    clearance: float | None = None
+    contacts: int = 0
+    distance: float = 0.0
+    scan: Scan | None = None
+    errors: tuple[str, ...] = ()
+    estop: bool = False
+    odometry: Pose2D | None = None
+    path: tuple[Point, ...] | None = None
+    assist_why: str = ""
+    assist_point: Point | None = None
+
+
+@dataclass(frozen=True)
+class ActionProgress:
+    """How far an action that `start()` accepted is."""
+
+    action_id: str
+    status: ActionState
+    reason: str = ""
+    result: dict[str, float | str | bool | None] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A picture; `stamp` is when the camera sampled the world.
+
+    `image` is uint8: (height, width, 3) RGB, or for `yuv420p` (height * 3 / 2, width), the rows of Y, then U and V at half the size in
+    both directions: BT.601, 16 to 235, what the encoder takes without another conversion. pixels.py turns both into a video frame.
+    """
+
+    image: npt.NDArray[np.uint8]
+    stamp: float
+    format: Literal["rgb24", "yuv420p"] = "rgb24"
+
+    @property
+    def width(self) -> int:
+        """Return the pixels of a row."""
+        return int(self.image.shape[1])
+
+    @property
+    def height(self) -> int:
+        """Return the rows of pixels."""
+        rows = int(self.image.shape[0])
+        return rows if self.format == "rgb24" else rows * 2 // 3
+
+
+class VideoSource(Protocol):
+    """A camera. All methods are called from the media side, never from the control loop."""
+
+    def start(self) -> None:
+        """Begin to capture; idempotent."""
+
+    def stop(self) -> None:
+        """Stop capturing, because nobody watches; idempotent."""
+
+    def read(self, timeout: float) -> Frame | None:
+        """Block for the next picture, at most `timeout` seconds; None when there was none.
+
+        Raises:
+            AdapterError: the camera is gone.
+        """
+
+
+class AudioSource(Protocol):
+    """A microphone: mono, 48 kHz, 16 bit."""
+
+    def start(self) -> None:
+        """Begin to capture; idempotent."""
+
+    def stop(self) -> None:
+        """Stop capturing; idempotent."""
+
+    def read(self, timeout: float) -> npt.NDArray[np.int16] | None:
+        """Block for the next 20 ms (960 samples), at most `timeout` seconds."""
+
+
+class Speaker(Protocol):
+    """The robot's loudspeaker. All methods are called from one thread of the media side, which may wait for them."""
+
+    def start(self) -> None:
+        """Get ready to play; idempotent.
+
+        Raises:
+            AdapterError: the loudspeaker is gone.
+        """
+
+    def stop(self) -> None:
+        """Be silent, because nobody speaks; idempotent."""
+
+    def play(self, samples: npt.NDArray[np.int16]) -> None:
+        """Play samples, (n,): mono, 48 kHz.
+
+        Raises:
+            AdapterError: the loudspeaker is gone.
+        """
+
+
+class Display(Protocol):
+    """A display of the robot that is not a browser (one that is opens the page of the robot's screen). Called like a Speaker."""
+
+    def start(self) -> None:
+        """Get ready to show; idempotent.
+
+        Raises:
+            AdapterError: the display is gone.
+        """
+
+    def stop(self) -> None:
+        """Show nobody; idempotent."""
+
+    def show(self, image: npt.NDArray[np.uint8]) -> None:
+        """Show a picture of the visitor, (height, width, 3) RGB.
+
+        Raises:
+            AdapterError: the display is gone.
+        """
+
+
+class Adapter(Protocol):
+    """A robot control architecture, as the agent sees it. All methods run on the control loop and none may block it."""
+
+    profile: Profile
+
+    async def connect(self) -> None:
+        """Reach the RCA; called again, without a `close()` between, whenever it was lost.
+
+        Raises:
+            AdapterError: it cannot be reached; the agent tries again for ever.
+        """
+
+    def apply(self, velocity: Velocity) -> Velocity:
+        """Send a velocity to the base, now, and return what was really sent.
+
+        Called on every accepted command and on every tick (50 Hz) while the robot moves; zeros are sent to brake and then
+        silence, so that idle never fights a planner. Must return at once.
+
+        Raises:
+            AdapterError: the RCA is gone; the agent reports the robot unavailable and reconnects.
+        """
+
+    async def start(self, action: Action) -> None:
+        """Begin an action named in `profile.capabilities`; progress comes from `progress()`.
+
+        Raises:
+            AdapterError: not possible, with the reason.
+        """
+
+    async def cancel(self, action_id: str) -> None:
+        """Cancel a running action; unknown ids are ignored."""
+
+    def states(self) -> AsyncIterator[RcaState]:
+        """Yield the RCA's state as it comes, at least at 10 Hz; ends or raises AdapterError when the RCA is gone."""
+
+    def progress(self) -> AsyncIterator[ActionProgress]:
+        """Yield news of started actions."""
+
+    def video(self) -> VideoSource | None:
+        """Return the driving camera, or None when the robot's own page provides the picture."""
+
+    def audio(self) -> AudioSource | None:
+        """Return the microphone, or None."""
+
+    def configure(self, config: Any) -> None:
+        """Take a `Config` message (assist level, doors of the simulator); what does not concern the RCA is ignored."""
+
+    async def close(self) -> None:
+        """Leave the robot standing and let go of it."""
+
+
+@runtime_checkable
+class SelfDriving(Protocol):
+    """What an adapter offers besides when navigation and assistance run in the agent, so that the safety kernel rules them too.
+
+    `steered` is the turn in rad/s that the assistance added to what `apply` returned last, 0 after `proceed`.
+    """
+
+    steered: float
+
+    def wanted(self) -> Velocity | None:
+        """Return the velocity that a running action wants now, None when none does; an old wish is a wish to stand."""
+
+    def proceed(self, velocity: Velocity) -> Velocity:
+        """As `apply`, for what the kernel has made of `wanted()`: nothing assists the robot against itself.
+
+        Raises:
+            AdapterError: the RCA is gone.
+        """
+
+    def set_assist(self, level: AssistLevel) -> None:
+        """Shape from now on what `apply` is given, as much as `level` says."""
+
+    def take_floorplan(self, update: FloorPlanUpdate) -> None:
+        """Take the map of the site from the server."""
+
+
+@runtime_checkable
+class WithOutputs(Protocol):
+    """What an adapter offers besides when the robot has a loudspeaker or a display that the agent may use."""
+
+    def speaker(self) -> Speaker | None:
+        """Return the loudspeaker, always the same one, or None."""
+
+    def display(self) -> Display | None:
+        """Return the display, always the same one, or None."""
+
+
+FromPage = Literal["page"]
+FROM_PAGE: FromPage = "page"  # in the place of a source: the page of the robot's own screen gives it
+
+Outputs = tuple[Speaker | None, Display | None]
+
+
+def outputs_of(adapter: Adapter) -> Outputs:
+    """Return the robot's loudspeaker and display, None for each that it does not have."""
+    return (adapter.speaker(), adapter.display()) if isinstance(adapter, WithOutputs) else (None, None)

@@ -1,0 +1,124 @@
+"""The wire of MOOS (protocol version 10): packets of messages between a MOOSDB and its clients. Pure; little endian throughout.
+
+    packet   int32 bytes in all, int32 messages, uint8 compressed (always 0 here), the messages
+    message  int32 bytes in all, int32 id, char type, char kind of value, four strings (source, its helper, community, variable),
+             three float64 (time, value, second value), the string value;      a string is int32 bytes, then the bytes
+    greeting 32 bytes padded with NUL, then a packet with one message that says who the client is
+
+Tried against a MOOSDB of its authors.
+"""
+
+import struct
+from dataclasses import dataclass
+
+GREETING = b"ELKS CAN'T DANCE 2/8/10".ljust(32, b"\0")
+NOTIFY, REGISTER, UNREGISTER, WILD_REGISTER = b"N", b"R", b"U", b"*"
+DATA, POISON, WELCOME, TIMING, NOTHING = b"i", b"K", b"W", b"T", b"."
+ASYNCHRONOUS = "asynchronous"
+CLOCK = "_async_timing"
+LARGEST = 16 << 20
+
+_PACKET = struct.Struct("<iiB")
+_MESSAGE = struct.Struct("<iicc")
+_LENGTH = struct.Struct("<i")
+_NUMBERS = struct.Struct("<ddd")
+HEADER = _PACKET.size
+
+Value = float | str | bytes
+
+
+class MoosWireError(ValueError):
+    """What arrived is not of this protocol."""
+
+
+@dataclass(frozen=True)
+class Mail:
+    """One message. `text` is the string value: that of a string, and what WELCOME and POISON say besides their number."""
+
+    type: bytes
+    key: str = ""
+    value: Value = 0.0
+    time: float = 0.0
+    source: str = ""
+    helper: str = ""
+    community: str = ""
+    number: int = -1
+    second: float = -1.0
+    text: str = ""
+
+
+def pack(mails: tuple[Mail, ...] | list[Mail]) -> bytes:
+    """Return a packet."""
+    body = b"".join(map(_pack, mails))
+    return _PACKET.pack(HEADER + len(body), len(mails), 0) + body
+
+
+def body_length(header: bytes) -> tuple[int, int]:
+    """Return how many bytes follow a header, and how many messages are in them.
+
+    Raises:
+        MoosWireError: it is no header, or of a compressed packet.
+    """
+    size, count, compressed = _PACKET.unpack(header)
+    if compressed or not HEADER <= size <= LARGEST or count < 0:
+        raise MoosWireError(f"a packet of {size} bytes with {count} messages, compressed {compressed}")
+    return size - HEADER, count
+
+
+def unpack(body: bytes, count: int) -> list[Mail]:
+    """Return the messages of a packet.
+
+    Raises:
+        MoosWireError: it is none.
+    """
+    found, offset = [], 0
+    for _ in range(count):
+        mail, offset = _unpack(body, offset)
+        found.append(mail)
+    return found
+
+
+def _pack(mail: Mail) -> bytes:
+    match mail.value:
+        case str(text):
+            kind, said, number = b"S", text.encode(), -1.0
+        case bytes(data):
+            kind, said, number = b"B", data, -1.0
+        case number:
+            kind, said, number = b"D", mail.text.encode(), float(number)
+    names = b"".join(_string(name.encode()) for name in (mail.source, mail.helper, mail.community, mail.key))
+    rest = names + _NUMBERS.pack(mail.time, number, mail.second) + _string(said)
+    return _MESSAGE.pack(_MESSAGE.size + len(rest), mail.number, mail.type, kind) + rest
+
+
+def _string(data: bytes) -> bytes:
+    return _LENGTH.pack(len(data)) + data
+
+
+def _unpack(body: bytes, offset: int) -> tuple[Mail, int]:
+    try:
+        size, number, kind, value_kind = _MESSAGE.unpack_from(body, offset)
+        end = offset + size
+        if size < _MESSAGE.size or end > len(body):
+            raise MoosWireError(f"a message of {size} bytes")
+        at = offset + _MESSAGE.size
+        names = []
+        for _ in range(4):
+            name, at = _read_string(body, at, end)
+            names.append(name.decode("utf-8", "replace"))
+        stamp, value, second = _NUMBERS.unpack_from(body, at)
+        said, _ = _read_string(body, at + _NUMBERS.size, end)
+    except struct.error as error:
+        raise MoosWireError(f"a message that is cut off: {error}") from error
+    text = said.decode("utf-8", "replace")
+    content: Value = {b"D": value, b"B": said}.get(value_kind, text)
+    source, helper, community, key = names
+    return Mail(kind, key, content, stamp, source, helper, community, number, second, text), end
+
+
+def _read_string(body: bytes, at: int, end: int) -> tuple[bytes, int]:
+    (size,) = _LENGTH.unpack_from(body, at)
+    begin = at + _LENGTH.size
+    if size < 0 or begin + size > end:
+        raise MoosWireError(f"a string of {size} bytes")
+    return body[begin : begin + size], begin + size

@@ -1,0 +1,266 @@
+"""The paper's Giraff as it is: OpenMORA's MQTTMosquitto module on a broker of its own, with our age limits in front of it.
+
+Its topics are `<robot>/…`, QoS 0, not retained. It stops half a second after the last `Motion` and two seconds after the last
+`ClientACK`; it obeys a `Motion` however late it comes, so one that waited here too long is not sent at all (outgoing.py).
+
+The angle of the head is told and never reported: it is taken to turn as fast as the profile says.
+"""
+
+import asyncio
+import contextlib
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from aiomqtt import Client, MqttError
+from msgspec import Struct
+
+from robots.agent.adapters import openmora
+from robots.agent.adapters.contract import AdapterError
+from robots.agent.adapters.errands import Errand
+from robots.agent.adapters.outgoing import Outgoing
+from robots.agent.adapters.readings import stamp_of
+from robots.agent.adapters.remote import RemoteAdapter, profile_of
+from robots.agent.adapters.robot_profile import RobotProfile, load_profile, settings_of
+from robots.agent.mqtt import Endpoint
+from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Velocity
+
+OWN: tuple[Capability, ...] = ("localization", "scan", "goto", "dock", "relocalize", "tilt")
+HEARD = ("Status", "LaserScan", "Topology", "ErrorMsg", "RobotACK")
+CONNECTING = 4.0
+KEEPALIVE = 5
+ACK_PERIOD = 0.2
+MOTION_MEMORY = 0.6  # seconds after a Motion in which the robot would cancel any new journey with it
+ARRIVED = 0.6  # metres from its goal at which a robot that ended its journey has reached it
+THERE_ALREADY = 1.5  # seconds after which a robot that does not set out towards where it stands is taken to be there
+SETTING_OUT = 5.0
+ERROR_SHOWN = 10.0
+
+
+class Options(Struct, frozen=True):
+    """`broker` is the robot's own broker, `robot` the first part of its topics.
+
+    `user` is who its session logger says drives (empty: nobody); `range_max` in metres, `tilt_sign` -1 where the head counts upwards;
+    `nodes` are the places that it knows by name, besides those that its topology tells, by comma.
+    """
+
+    broker: str = "mqtt://127.0.0.1:1883"
+    robot: str = "Giraff"
+    username: str = ""
+    password: str = ""
+    user: str = "telepresence"
+    watchdog: float = 0.5
+    range_max: float = 30.0
+    tilt_sign: float = 1.0
+    nodes: str = ""
+
+
+def create(profile_name: str, options: Mapping[str, Any]) -> "OpenMoraMqttAdapter":
+    """Return an adapter for a robot that speaks OpenMORA's MQTT; nothing is connected yet.
+
+    Raises:
+        AdapterError: no such profile or option; one sentence.
+    """
+    robot = load_profile(profile_name)
+    settings = settings_of(Options, "openmora_mqtt", robot, options)
+    try:
+        endpoint = Endpoint.of(settings.broker, settings.username or None, settings.password or None)
+    except ValueError as error:
+        raise AdapterError(str(error)) from error
+    return OpenMoraMqttAdapter(robot, settings, endpoint)
+
+
+class OpenMoraMqttAdapter(RemoteAdapter):
+    """See contract.Adapter."""
+
+    vital = "its Status"
+
+    def __init__(self, robot: RobotProfile, options: Options, endpoint: Endpoint) -> None:
+        super().__init__(profile_of(robot, "OpenMORA over MQTT", options.watchdog, own=OWN), robot.battery)
+        self.place = f"{options.robot} at {options.broker}"
+        self._robot, self._options, self._endpoint = robot, options, endpoint
+        self._outgoing: Outgoing[tuple[str, str]] = Outgoing()
+        self._moved_at = self._error_at = 0.0
+        self._nodes = openmora.listed_nodes(options.nodes)
+        self._node = ""  # where the robot goes to by name
+        self._counts = {"ClientACK": "0 0", "RobotACK": "0 0"}
+        self._head = _Head(robot)
+
+    # --- the broker ------------------------------------------------------------------------------------------------------
+
+    async def _open(self) -> None:
+        self._outgoing.clear()
+        self._moved_at = time.monotonic()  # whoever was here before may have driven just now
+        ready: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._run(self._connection(ready))
+        await ready
+
+    async def _connection(self, ready: asyncio.Future[None]) -> None:
+        try:
+            async with self._client() as client:
+                await client.subscribe([(f"{self._options.robot}/{name}", 0) for name in HEARD])
+                if not ready.done():
+                    ready.set_result(None)
+                self._say_session("Start")
+                async with asyncio.TaskGroup() as tasks:
+                    tasks.create_task(self._receive(client))
+                    tasks.create_task(self._send(client))
+                    tasks.create_task(self._acknowledge())
+        except* MqttError as errors:
+            reason = f"{self.place}: {errors.exceptions[0]}"
+            if ready.done():
+                self._lose(reason)
+            else:
+                ready.set_exception(AdapterError(reason))
+
+    def _client(self) -> Client:
+        place = self._endpoint
+        return Client(
+            place.host, place.port, username=place.username, password=place.password, transport=place.transport,
+            websocket_path=place.path, tls_context=place.tls, keepalive=KEEPALIVE, timeout=CONNECTING, clean_session=True,
+        )  # fmt: skip
+
+    async def _shut(self) -> None:
+        self._outgoing.clear()
+
+    async def close(self) -> None:
+        """Brake, end the session of the robot's logger, and let go."""
+        if not self._failure:
+            self._say_session("Stop")
+        await super().close()
+
+    def _say_session(self, word: str) -> None:
+        if self._options.user:
+            self._say("SessionCommand", f"{word} {self._options.user}")
+
+    async def _receive(self, client: Client) -> None:
+        async for delivery in client.messages:
+            payload = delivery.payload if isinstance(delivery.payload, bytes) else b""
+            with contextlib.suppress(openmora.DialectError):  # what cannot be read is as if it had not come: silence is noticed
+                self._take(str(delivery.topic).rpartition("/")[2], *openmora.unstamped(payload))
+
+    async def _send(self, client: Client) -> None:
+        while True:
+            topic, text = await self._outgoing.take()
+            await client.publish(f"{self._options.robot}/{topic}", openmora.stamped(text, time.time()), qos=0)
+
+    async def _acknowledge(self) -> None:
+        count = 0
+        while True:
+            count += 1
+            self._counts["ClientACK"] = f"{count} {openmora.milliseconds(time.time())}"
+            self._say("ClientACK", f"{self._counts['ClientACK']}|{self._counts['RobotACK']}|0 0")
+            await asyncio.sleep(ACK_PERIOD)
+
+    def _say(self, topic: str, text: str) -> None:
+        self._outgoing.say((topic, text))
+
+    def _command(self, text: str) -> None:
+        self._say("NavigationCommand", text)
+
+    # --- what it hears ---------------------------------------------------------------------------------------------------
+
+    def _take(self, topic: str, text: str, sent: float) -> None:
+        match topic:
+            case "Status":
+                self._take_status(openmora.status_of(text), stamp_of(sent, time.time()))
+            case "LaserScan" if "scan" in self.profile.capabilities:
+                self.readings.scanned(openmora.scan_of(text, stamp_of(sent, time.time()), self._options.range_max))
+            case "Topology":
+                self._nodes |= openmora.nodes_of(text)
+            case "ErrorMsg":
+                self.readings.errors, self._error_at = (text,), time.monotonic()
+            case "RobotACK":
+                parts = text.split("|")
+                self._counts["RobotACK"] = parts[1] if len(parts) > 1 else "0 0"
+
+    def _take_status(self, status: openmora.Status, stamp: float) -> None:
+        now = time.monotonic()
+        if status.pose is None:
+            self.readings.lost()
+            self.readings.heard_at = now  # it lives, and does not know where it is
+        else:
+            self.readings.located(status.pose, stamp, now)
+        self.readings.charged(voltage=status.voltage, charging=status.charging)
+        self._watch_journey(status, now)
+        self._heard()
+
+    def _watch_journey(self, status: openmora.Status, now: float) -> None:
+        """Tell from the mode when a journey ends, and from the place whether it ended where it should."""
+        errand = self.errands.drive
+        if errand is None or errand.kind != "goto":
+            return
+        if status.autonomous:
+            errand.seen_running = True
+        elif self._is_there(errand, status) and (errand.seen_running or now - errand.began > THERE_ALREADY):
+            self.errands.end(errand.action_id, "FINISHED")
+        elif errand.seen_running:
+            self.errands.end(errand.action_id, "FAILED", "the robot stopped before it was there")
+        elif now - errand.began > SETTING_OUT:
+            self.errands.end(errand.action_id, "FAILED", "the robot does not set out")
+
+    def _is_there(self, errand: Errand, status: openmora.Status) -> bool:
+        if errand.goal is None:
+            return status.place == self._node
+        x, y = errand.goal
+        return status.pose is not None and (status.pose.x - x) ** 2 + (status.pose.y - y) ** 2 < ARRIVED**2
+
+    def _look(self, now: float) -> None:
+        if self.readings.errors and now - self._error_at > ERROR_SHOWN:
+            self.readings.errors = ()
+        self.readings.tilt = self._head.angle(now)
+
+    # --- what it says ----------------------------------------------------------------------------------------------------
+
+    def _drive(self, velocity: Velocity) -> None:
+        self._outgoing.drive(("NavigationCommand", f"Motion {openmora.motion(velocity)}"))
+        self._moved_at = time.monotonic()
+
+    def _turn_head(self, angle: float) -> None:
+        self._command(f"Tilt {openmora.head_degrees(angle, self._robot, self._options.tilt_sign):.1f}")
+        self._head.turn_to(angle, time.monotonic())
+
+    async def _order(self, action: Action) -> Errand | None:
+        words = self._words(action)
+        # A Motion of just now is cancelled by the robot after half a second, and any journey with it.
+        await asyncio.sleep(max(0.0, self._moved_at + MOTION_MEMORY - time.monotonic()))
+        self._command(words)
+        return None if isinstance(action, Relocalize) else self._errand(action)
+
+    def _words(self, action: Action) -> str:
+        match action:
+            case Goto(x=x, y=y) if x is not None and y is not None:
+                return f"GoToPoint {x:.3f} {y:.3f}"
+            case Goto(place=str(place)) if place in self._nodes:
+                self._node = place
+                return f"GoToNode {place}"
+            case Dock():
+                return "GoToRecharge"
+            case Relocalize(x=x, y=y) if x is not None and y is not None:
+                return f"Relocalize {x:.3f} {y:.3f}"
+            case Goto(place=place):
+                raise AdapterError(f"{self._options.robot} knows no place {place!r}; it knows {', '.join(sorted(self._nodes)) or 'none by name'}")
+            case _:
+                raise AdapterError(f"{self._options.robot} has to be told where it is")
+
+    async def _withdraw(self, errand: Errand) -> None:
+        del errand  # there is only one
+        self._command("StopGiraff")
+
+
+class _Head:
+    """Where the head should be by now."""
+
+    def __init__(self, robot: RobotProfile) -> None:
+        self._speed = robot.tilt.speed if robot.tilt else 1.0
+        self._from = self._to = robot.tilt.home if robot.tilt else 0.0
+        self._since = 0.0
+        self._has_one = robot.tilt is not None
+
+    def turn_to(self, angle: float, now: float) -> None:
+        self._from, self._to, self._since = self.angle(now) or 0.0, angle, now
+
+    def angle(self, now: float) -> float | None:
+        reach = self._speed * (now - self._since)
+        turned = min(max(self._to - self._from, -reach), reach)
+        return self._from + turned if self._has_one else None

@@ -1,0 +1,76 @@
+"""Which adapters there are: those named here, and any file or module that has `create(profile_name, options)`."""
+
+import importlib
+import importlib.util
+from collections.abc import Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Any, cast
+
+from robots.agent.adapters.autonomy import wrapped
+from robots.agent.adapters.contract import Adapter, AdapterError
+from robots.agent.autonomy.area import update_of
+from robots.agent.world.sites import SiteError, load_site
+
+MODULES = {name: f"robots.agent.adapters.{name}" for name in ("simulator", "openmora_mqtt", "rosbridge", "moos", "ros1", "ros2")}
+
+
+def adapter_names() -> tuple[str, ...]:
+    """Return the names that `create` knows."""
+    return tuple(sorted(MODULES))
+
+
+def create(adapter_name: str, profile_name: str, options: Mapping[str, Any] | None = None) -> Adapter:
+    """Return an adapter, not connected yet.
+
+    Args:
+        adapter_name: one of `adapter_names()`, the path of a `.py` file, or the dotted name of a module.
+        profile_name: which robot, such as `giraff`.
+        options: the adapter's own; its module says which.
+
+    Raises:
+        AdapterError: no such adapter, profile or option, or what the adapter needs is not installed; one sentence.
+    """
+    try:
+        module = _module(adapter_name)
+    except (ImportError, OSError, SyntaxError) as error:
+        raise AdapterError(f"the adapter {adapter_name!r} cannot be loaded: {error}") from error
+    if not hasattr(module, "create"):
+        raise AdapterError(f"the adapter {adapter_name!r} has no create(profile_name, options)")
+    adapter = cast("Adapter", module.create(profile_name, options or {}))
+    if not adapter.profile.watchdog > 0.0:
+        raise AdapterError(f"the adapter {adapter_name!r} names no watchdog: nothing would stop the base of a dead agent")
+    return adapter
+
+
+def _module(name: str) -> ModuleType:
+    if name in MODULES:
+        return importlib.import_module(MODULES[name])
+    if name.endswith(".py"):
+        spec = importlib.util.spec_from_file_location(Path(name).stem, name)
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module
+    if "." in name:
+        return importlib.import_module(name)
+    raise AdapterError(f"no adapter {name!r}; there are {', '.join(adapter_names())}, or give the path of a .py file")
+
+
+def autonomous(adapter: Adapter, plan: str = "", memory: Path | None = None) -> Adapter:
+    """Return the adapter with our localization, navigation and assistance when it has a laser and none of its own.
+
+    Args:
+        adapter: as `create` returned it.
+        plan: the site where the robot stands, a shipped name or a folder; without one it is what the adapter knows, or the server says.
+        memory: the file that keeps where the robot stood.
+
+    Raises:
+        AdapterError: the site cannot be used; one sentence.
+    """
+    name = plan or adapter.profile.plan
+    try:
+        return wrapped(adapter, update_of(load_site(name)) if name else None, memory)
+    except SiteError as error:
+        raise AdapterError(str(error)) from error

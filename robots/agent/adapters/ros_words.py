@@ -1,0 +1,200 @@
+"""Messages of ROS as JSON objects, the way rosbridge writes them, and back to ours. Pure.
+
+Both generations: the stamp of a header is `secs, nsecs` in ROS 1 and `sec, nanosec` in ROS 2. Numbers that JSON lacks (NaN, infinity)
+arrive as null, bytes as base64 or as a list of numbers.
+Frames and signs are ROS's own (REP 103): x forward, y left, a positive pitch looks down, as with us.
+"""
+
+import base64
+import binascii
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from robots.api.geometry import Pose2D, wrap_angle
+from robots.api.messages import Pose, Scan, Velocity
+
+MOST_RANGES = 2000
+HALF_TRUSTED = 0.3  # metres of standard deviation at which a pose counts half; beyond it the robot is lost
+CHARGING, FULL = 1, 4  # sensor_msgs/BatteryState
+
+Said = Mapping[str, Any]
+
+
+class RosError(ValueError):
+    """A message is not what its type promises."""
+
+
+@dataclass(frozen=True)
+class Charge:
+    """A battery; None for what it does not measure."""
+
+    voltage: float | None
+    charge: float | None
+    charging: bool
+
+
+def time_of(unix: float, version: int) -> dict[str, int]:
+    """Return a stamp of ROS `version`."""
+    seconds = math.floor(unix)
+    nano = min(999_999_999, round((unix - seconds) * 1e9))
+    return {"secs": seconds, "nsecs": nano} if version == 1 else {"sec": seconds, "nanosec": nano}
+
+
+def header(frame: str, unix: float, version: int) -> dict[str, Any]:
+    """Return a std_msgs/Header."""
+    return {"frame_id": frame, "stamp": time_of(unix, version)}
+
+
+def twist(velocity: Velocity) -> dict[str, Any]:
+    """Return a geometry_msgs/Twist."""
+    return {"linear": {"x": velocity.linear, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": velocity.angular}}
+
+
+def pose(place: Pose2D) -> dict[str, Any]:
+    """Return a geometry_msgs/Pose on the floor."""
+    orientation = {"x": 0.0, "y": 0.0, "z": math.sin(place.theta / 2.0), "w": math.cos(place.theta / 2.0)}
+    return {"position": {"x": place.x, "y": place.y, "z": 0.0}, "orientation": orientation}
+
+
+def stamp_in(message: Said, arrived: float) -> float:
+    """Return the Unix time in a message's header; `arrived` when it has none."""
+    stamp = message.get("header", {}).get("stamp", {})
+    seconds = stamp.get("sec", stamp.get("secs", 0))
+    nano = stamp.get("nanosec", stamp.get("nsecs", 0))
+    return float(seconds) + float(nano) * 1e-9 if seconds else arrived
+
+
+def pose_in(message: Said) -> Pose2D:
+    """Read a geometry_msgs/Pose as a pose on the floor.
+
+    Raises:
+        RosError: it is none.
+    """
+    try:
+        place, turn = message["position"], message["orientation"]
+        return _checked(Pose2D(float(place["x"]), float(place["y"]), _yaw(turn)))
+    except (KeyError, TypeError, ValueError) as error:
+        raise RosError(f"no pose: {error}") from error
+
+
+def odometry_in(message: Said) -> tuple[Pose2D, Velocity]:
+    """Read a nav_msgs/Odometry: the pose in its own frame, and the velocity of the robot.
+
+    Raises:
+        RosError: it is none.
+    """
+    try:
+        speed = message["twist"]["twist"]
+        velocity = Velocity(linear=_number(speed["linear"]["x"]), angular=_number(speed["angular"]["z"]))
+        return pose_in(message["pose"]["pose"]), velocity
+    except (KeyError, TypeError) as error:
+        raise RosError(f"no odometry: {error}") from error
+
+
+def fix_in(message: Said) -> Pose:
+    """Read a geometry_msgs/PoseWithCovarianceStamped; how wide it is says how far to trust it.
+
+    Raises:
+        RosError: it is none.
+    """
+    try:
+        here = pose_in(message["pose"]["pose"])
+        wide = [_number(value) for value in message["pose"]["covariance"]]
+        xx, xy, xt, yy, yt, tt = (wide[index] for index in (0, 1, 5, 7, 11, 35))
+    except (KeyError, TypeError, IndexError) as error:
+        raise RosError(f"no pose with covariance: {error}") from error
+    score = 1.0 / (1.0 + max(0.0, xx, yy) / HALF_TRUSTED**2)
+    return Pose(x=here.x, y=here.y, theta=here.theta, covariance=(xx, xy, xt, yy, yt, tt), localized=score >= 0.5, score=score)  # noqa: PLR2004 -- as Pose says
+
+
+def transform_in(message: Said, parent: str, child: str) -> Pose2D | None:
+    """Return parent_from_child of a tf2_msgs/TFMessage, None when it tells of others.
+
+    Raises:
+        RosError: it is no such message.
+    """
+    try:
+        for each in message["transforms"]:
+            if each["header"]["frame_id"].lstrip("/") == parent and each["child_frame_id"].lstrip("/") == child:
+                shift = each["transform"]["translation"]
+                return _checked(Pose2D(float(shift["x"]), float(shift["y"]), _yaw(each["transform"]["rotation"])))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise RosError(f"no transform: {error}") from error
+    return None
+
+
+def scan_in(message: Said, stamp: float) -> Scan:
+    """Read a sensor_msgs/LaserScan; beams that run clockwise are turned round, and of too many every so many are kept.
+
+    Raises:
+        RosError: it is none.
+    """
+    try:
+        ranges = list(message["ranges"])
+        low, step = _number(message["angle_min"]), _number(message["angle_increment"])
+        nearest, farthest = _number(message.get("range_min", 0.0)), _number(message["range_max"])
+    except (KeyError, TypeError) as error:
+        raise RosError(f"no laser scan: {error}") from error
+    if not ranges or step == 0.0 or farthest <= 0.0:
+        raise RosError("a laser scan without beams")
+    if step < 0.0:
+        ranges, low, step = ranges[::-1], low + step * (len(ranges) - 1), -step
+    every = math.ceil(len(ranges) / MOST_RANGES)
+    kept = tuple(_range(value, nearest, farthest) for value in ranges[::every])
+    return Scan(stamp=stamp, angle_min=wrap_angle(low), angle_increment=step * every, range_max=min(farthest, 1000.0), ranges=kept)
+
+
+def battery_in(message: Said) -> Charge:
+    """Read a sensor_msgs/BatteryState; some drivers count to 100."""
+    voltage, share = _finite(message.get("voltage")), _finite(message.get("percentage"))
+    if share is not None and share > 1.0:
+        share /= 100.0
+    return Charge(voltage, share, message.get("power_supply_status") in {CHARGING, FULL})
+
+
+def picture_in(message: Said) -> bytes:
+    """Read a sensor_msgs/CompressedImage: the bytes of a JPEG or PNG.
+
+    Raises:
+        RosError: it is none.
+    """
+    data = message.get("data")
+    try:
+        return base64.b64decode(data, validate=True) if isinstance(data, str) else bytes(data or ())
+    except (TypeError, ValueError, binascii.Error) as error:
+        raise RosError(f"no picture: {error}") from error
+
+
+def joint_in(message: Said, name: str) -> float | None:
+    """Return the angle of one joint of a sensor_msgs/JointState, None when it tells of others."""
+    names, positions = message.get("name", ()), message.get("position", ())
+    return next((_finite(angle) for joint, angle in zip(names, positions, strict=False) if joint == name), None)
+
+
+def _yaw(turn: Said) -> float:
+    x, y, z, w = (float(turn[axis]) for axis in "xyzw")
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def _checked(place: Pose2D) -> Pose2D:
+    if not all(map(math.isfinite, place)):
+        raise ValueError("not a number")
+    return place
+
+
+def _number(value: Any) -> float:
+    found = _finite(value)
+    if found is None:
+        raise RosError(f"not a number: {value!r}")
+    return found
+
+
+def _finite(value: Any) -> float | None:
+    return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
+
+
+def _range(value: Any, nearest: float, farthest: float) -> float | None:
+    found = _finite(value)
+    return found if found is not None and nearest <= found < farthest else None

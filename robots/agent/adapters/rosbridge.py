@@ -1,0 +1,227 @@
+"""ROS 1 and ROS 2 through rosbridge: JSON over a WebSocket, protocol version 2.
+
+Needs `websockets` (the extra `rosbridge`). Options: `url`, `version` (1 or 2: which ROS is behind it), and those of `ros.RosOptions`.
+"""
+
+import asyncio
+import contextlib
+import itertools
+import json
+import logging
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import msgspec
+
+from robots.agent.adapters.contract import AdapterError
+from robots.agent.adapters.outgoing import Outgoing
+from robots.agent.adapters.robot_profile import load_profile, settings_of
+from robots.agent.adapters.ros import DONE, Goals, Handler, RosAdapter, RosOptions
+
+try:
+    from websockets.asyncio.client import ClientConnection, connect
+    from websockets.exceptions import WebSocketException
+except ImportError as error:
+    raise ImportError("it needs websockets: pip install 'telepresence[rosbridge]', or websockets alone") from error
+
+ANSWER_TIME = 10.0
+CLOSING = 1.0
+LARGEST = 16 << 20  # bytes of a message: maps and clouds that nobody asked for are larger
+PING = 2.0  # seconds between pings, and until one counts as lost
+
+log = logging.getLogger(__name__)
+
+
+class Options(RosOptions, frozen=True, kw_only=True):
+    """Where rosbridge is, and which ROS is behind it."""
+
+    url: str = "ws://127.0.0.1:9090"
+    version: int = 1
+
+
+def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
+    """Return an adapter for a robot behind a rosbridge; nothing is connected yet.
+
+    Raises:
+        AdapterError: no such profile or option; one sentence.
+    """
+    robot = load_profile(profile_name)
+    settings = settings_of(Options, "rosbridge", robot, options)
+    if settings.version not in {1, 2} or not settings.url.startswith(("ws://", "wss://")):
+        raise AdapterError(f"rosbridge is reached at ws:// or wss://host:port, with version 1 or 2, not at {settings.url!r} with {settings.version}")
+    return RosAdapter(robot, settings, RosbridgeBus(settings.url, settings.version), f"ROS {settings.version} (rosbridge)")
+
+
+class RosbridgeBus:
+    """See ros.Bus."""
+
+    def __init__(self, url: str, version: int) -> None:
+        self.version, self.place = version, f"rosbridge at {url}"
+        self._url = url
+        self._outgoing: Outgoing[dict[str, Any]] = Outgoing()
+        self._handlers: dict[str, Handler] = {}
+        self._calls: dict[str, asyncio.Future[dict[str, Any]]] = {}
+        self._ids = itertools.count(1)
+        self._socket: ClientConnection | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._goals: Goals | None = None
+
+    async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
+        """Connect.
+
+        Raises:
+            AdapterError: nobody is there, or it is no rosbridge.
+        """
+        self._goals = goals
+        self._outgoing.clear()
+        self._handlers.clear()
+        try:
+            self._socket = await connect(self._url, max_size=LARGEST, ping_interval=PING, ping_timeout=PING, close_timeout=CLOSING, compression=None)
+        except (OSError, WebSocketException, TimeoutError) as error:
+            raise AdapterError(f"{self.place} does not answer: {error or type(error).__name__}") from error
+        self._task = asyncio.ensure_future(self._serve(self._socket, lost))
+
+    async def shut(self) -> None:
+        """Close the connection: rosbridge then forgets what we subscribed and advertised."""
+        task, self._task = self._task, None
+        socket, self._socket = self._socket, None
+        if socket is not None:
+            await self._flush(socket)
+            await socket.close()
+        if task is not None:
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await task
+        for call in self._calls.values():
+            call.cancel()
+        self._calls.clear()
+
+    async def _flush(self, socket: ClientConnection) -> None:
+        with contextlib.suppress(WebSocketException, TimeoutError):
+            async with asyncio.timeout(CLOSING):
+                while len(self._outgoing):
+                    await socket.send(json.dumps(await self._outgoing.take()))
+
+    async def _serve(self, socket: ClientConnection, lost: Callable[[str], None]) -> None:
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(self._send(socket))
+                tasks.create_task(self._receive(socket))
+        except* (OSError, WebSocketException) as errors:
+            lost(f"{self.place} is gone: {errors.exceptions[0]}")
+
+    async def _send(self, socket: ClientConnection) -> None:
+        while True:
+            message = await self._outgoing.take()
+            await socket.send(json.dumps(message))
+
+    async def _receive(self, socket: ClientConnection) -> None:
+        while True:
+            text = await socket.recv()
+            try:
+                message = msgspec.json.decode(_plain(text))
+            except (msgspec.DecodeError, ValueError, RecursionError) as error:
+                log.warning("rosbridge_nonsense", extra={"reason": str(error)})
+                continue
+            if isinstance(message, dict):
+                self._take(message)
+
+    def _take(self, message: dict[str, Any]) -> None:
+        match message:
+            case {"op": "publish", "topic": str(topic), "msg": dict(content)} if topic in self._handlers:
+                self._handlers[topic](content)
+            case {"op": "service_response", "id": str(number)} if number in self._calls and not self._calls[number].done():
+                self._calls[number].set_result(message)
+            case {"op": "action_feedback", "id": str(name)} if self._goals is not None:
+                self._goals.accepted(name)
+            case {"op": "action_result", "id": str(name)} if self._goals is not None:
+                self._goal_ended(name, message)
+            case {"op": "status", "level": "error" | "warning", "msg": text}:
+                log.warning("rosbridge_complains", extra={"text": str(text)[:300]})
+
+    def _goal_ended(self, name: str, message: dict[str, Any]) -> None:
+        assert self._goals is not None
+        status = DONE[2].get(message.get("status", 0), "FAILED")
+        if message.get("result") is False and status == "FINISHED":
+            status = "FAILED"
+        values = message.get("values")
+        reason = values if isinstance(values, str) else ""
+        self._goals.ended(name, status, "" if status == "FINISHED" else reason or "navigation gave up")
+
+    def subscribe(self, topic: str, kind: str, handler: Handler, *, latched: bool = False, sensor: bool = False, period: float = 0.0) -> None:
+        """Hear a topic: of each only the newest, for what waits is old."""
+        del latched, sensor  # rosbridge takes the publisher's quality of service
+        self._handlers[topic] = handler
+        entry = {"op": "subscribe", "id": f"s{next(self._ids)}", "topic": topic, "type": self._type(kind), "queue_length": 1}
+        self._outgoing.say(entry | {"throttle_rate": round(period * 1000)})
+
+    def advertise(self, topic: str, kind: str) -> None:
+        """Say what will be published."""
+        self._outgoing.say({"op": "advertise", "id": f"a{next(self._ids)}", "topic": topic, "type": self._type(kind)})
+
+    def publish(self, topic: str, message: dict[str, Any], *, newest: bool = False) -> None:
+        """Send a message.
+
+        Raises:
+            AdapterError: the connection takes none.
+        """
+        letter = {"op": "publish", "topic": topic, "msg": message}
+        if newest:
+            self._outgoing.drive(letter)
+        else:
+            self._outgoing.say(letter)
+
+    async def call(self, service: str, kind: str) -> tuple[bool, str]:
+        """Call a service.
+
+        Raises:
+            AdapterError: there is none, or no answer.
+        """
+        number = f"c{next(self._ids)}"
+        answer = self._calls[number] = asyncio.get_running_loop().create_future()
+        self._outgoing.say({"op": "call_service", "id": number, "service": service, "type": self._type(kind, "srv"), "args": {}})
+        try:
+            async with asyncio.timeout(ANSWER_TIME):
+                response = await answer
+        except TimeoutError as error:
+            raise AdapterError(f"{service} does not answer") from error
+        finally:
+            self._calls.pop(number, None)
+        values = response.get("values")
+        if response.get("result") is False or not isinstance(values, dict):
+            raise AdapterError(f"{service} cannot be called: {values}")
+        return bool(values.get("success")), str(values.get("message", ""))
+
+    def send_goal(self, action: str, kind: str, goal: dict[str, Any], name: str) -> None:
+        """Send a goal.
+
+        Raises:
+            AdapterError: ROS 1 has its actions on topics.
+        """
+        if self.version == 1:
+            raise AdapterError("rosbridge carries actions of ROS 2 only; set navigation=move_base")
+        entry = {"op": "send_action_goal", "id": name, "action": action, "action_type": self._type(kind, "action"), "args": goal, "feedback": True}
+        self._outgoing.say(entry)
+
+    def cancel_goal(self, action: str, name: str) -> None:
+        """Take a goal back."""
+        self._outgoing.say({"op": "cancel_action_goal", "id": name, "action": action})
+
+    def _type(self, kind: str, group: str = "msg") -> str:
+        return kind if self.version == 1 else kind.replace("/", f"/{group}/")
+
+
+def _plain(text: str | bytes) -> bytes:
+    """Return JSON without what is none: older rosbridges write NaN and Infinity."""
+    data = text.encode() if isinstance(text, str) else text
+    if b"NaN" in data or b"Infinity" in data:
+        return json.dumps(_nulled(json.loads(data))).encode()
+    return data
+
+
+def _nulled(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _nulled(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_nulled(each) for each in value]
+    return None if isinstance(value, float) and (value != value or value in {float("inf"), float("-inf")}) else value  # noqa: PLR0124 -- NaN

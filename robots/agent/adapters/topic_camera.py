@@ -1,0 +1,64 @@
+"""A camera whose pictures the control architecture publishes as JPEG or PNG: see contract.VideoSource."""
+
+from typing import Any
+
+import av
+from av.video.reformatter import VideoReformatter
+
+from robots.agent.adapters.contract import AdapterError, Frame
+from robots.agent.devices.camera import picture_of
+from robots.agent.devices.newest import Newest
+
+CODECS = {b"\xff\xd8": "mjpeg", b"\x89P": "png"}
+
+
+class TopicCamera:
+    """The adapter's loop says `take`, the media side's thread reads; of pictures that nobody fetched the newest counts."""
+
+    def __init__(self, topic: str) -> None:
+        self._topic = topic
+        self._newest: Newest[tuple[bytes, float]] = Newest()
+        self._reformatter = VideoReformatter()
+        self._decoders: dict[str, Any] = {}
+        self.wanted = False
+
+    def start(self) -> None:
+        """Begin to take pictures; idempotent."""
+        self._newest.put(None)
+        self.wanted = True
+
+    def stop(self) -> None:
+        """Take no more; idempotent."""
+        self.wanted = False
+
+    def take(self, data: bytes, stamp: float) -> None:
+        """Take a picture that was made at `stamp`, Unix time."""
+        self._newest.put((data, stamp))
+
+    def read(self, timeout: float) -> Frame | None:
+        """Block for the next picture, at most `timeout` seconds; None when there was none.
+
+        Raises:
+            AdapterError: what is published is no picture.
+        """
+        newest = self._newest.take(timeout)
+        if newest is None:
+            return None
+        data, stamp = newest
+        try:
+            return Frame(picture_of(self._decoded(data), self._reformatter), stamp, "yuv420p")
+        except (av.FFmpegError, ValueError) as error:
+            raise AdapterError(f"what {self._topic} publishes is no picture: {error}") from error
+
+    def _decoded(self, data: bytes) -> av.VideoFrame:
+        name = CODECS.get(data[:2])
+        if name is None:
+            raise ValueError("neither JPEG nor PNG")
+        if name not in self._decoders:
+            decoder: Any = av.CodecContext.create(name, "r")
+            decoder.thread_count = 1  # more would keep a picture back until the next one comes
+            self._decoders[name] = decoder
+        frames: list[av.VideoFrame] = self._decoders[name].decode(av.Packet(data))
+        if not frames:
+            raise ValueError("it is not whole")
+        return frames[0]

@@ -1,0 +1,245 @@
+"""The agent: puts adapter, control loop, broker and media side together, and begins again when one of them breaks.
+
+One of the two supervisors of the project: what must outlive every fault lives here, and nothing else does. Whatever breaks, the base
+is stopped first: by the control loop while it lives, by the adapter's watchdog when it does not.
+"""
+
+import logging
+import random
+import secrets
+import signal
+import sys
+import threading
+import time
+from argparse import ArgumentParser
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from types import FrameType
+
+from robots.agent.adapters import registry
+from robots.agent.adapters.contract import Adapter, AdapterError
+from robots.agent.backoff import Backoff
+from robots.agent.config import AgentConfig, ConfigError, add_arguments, load
+from robots.agent.control import ControlLoop
+from robots.agent.enrolment import enrol_if_asked, keep_renewing
+from robots.agent.equipment import Equipment, equipment_of
+from robots.agent.media import MediaSide
+from robots.agent.mqtt import Endpoint, MqttLink
+from robots.agent.priority import SECOND, set_nice
+from robots.agent.rendezvous import broker_urls
+from robots.agent.store import Store
+from robots.agent.ways_out import Media
+from robots.api.messages import Capability, Factsheet
+
+log = logging.getLogger(__name__)
+
+VERSION = "0.1.0"
+GLANCE = 0.2  # s between two looks at the control thread; a signal is answered as soon
+
+MakeAdapter = Callable[[AgentConfig], Adapter]
+MakeMedia = Callable[[Equipment, AgentConfig, ControlLoop], Media]
+
+
+def _adapter(config: AgentConfig) -> Adapter:
+    memory = config.var / "agent" / config.robot / "pose.json"
+    return registry.autonomous(registry.create(config.adapter, config.profile, config.options), config.plan, memory)
+
+
+def _media(equipment: Equipment, config: AgentConfig, control: ControlLoop) -> Media:
+    return MediaSide(
+        video=equipment.video,
+        audio=equipment.audio,
+        viewers=config.viewers,
+        on_frame=control.receive_frame,
+        reply=control.reply,
+        on_picture=control.publish_picture,
+        outputs=equipment.outputs,
+    )
+
+
+class Agent:
+    """One robot's agent. `run` blocks; `stop` may be called from any thread, and from a signal handler.
+
+    Args:
+        config: who we are and where to go.
+        make_adapter: builds the adapter; again after a crash.
+        make_media: builds the media side, likewise.
+        rng: spreads the attempts of many robots.
+    """
+
+    def __init__(
+        self, config: AgentConfig, *, make_adapter: MakeAdapter = _adapter, make_media: MakeMedia = _media, rng: random.Random | None = None
+    ) -> None:
+        self._config, self._make_adapter, self._make_media = config, make_adapter, make_media
+        self._rng = rng or random.Random()  # noqa: S311 -- spreads attempts in time, keeps no secret
+        self._stopping = threading.Event()
+        self._link: MqttLink | None = None
+        self._store = Store(config.var / "agent" / config.robot)
+
+    def stop(self) -> None:
+        """Brake, say goodbye and return from `run`."""
+        self._stopping.set()
+
+    def run(self) -> None:
+        """Serve the robot until `stop`.
+
+        Raises:
+            ConfigError: it cannot start like this; one sentence.
+        """
+        self._prepare_store()
+        urls = broker_urls(self._config, Backoff(self._rng, first=1.0, longest=30.0), self._stopping.wait)
+        if urls is None:
+            return
+        self._endpoints(urls)  # a wrong one is told at once
+        backoff = Backoff(self._rng, first=1.0, longest=30.0)
+        threading.Thread(target=self._keep_renewing, name="credentials", daemon=True).start()
+        while not self._stopping.is_set():
+            began = time.monotonic()
+            try:
+                self._serve(self._endpoints(urls))
+            except ConfigError:
+                raise
+            except AdapterError as error:
+                raise ConfigError(str(error)) from error
+            # Broad, because this is the supervisor: a robot nobody can reach has to come back by itself, whatever went wrong.
+            except Exception:
+                log.exception("agent_crashed robot=%s", self._config.robot)
+            if not self._stopping.is_set():
+                wait = backoff.failed(time.monotonic() - began)
+                log.warning("agent_restarts robot=%s after=%.1f", self._config.robot, wait)
+                self._stopping.wait(wait)
+
+    def _serve(self, endpoints: tuple[Endpoint, ...]) -> None:
+        """One run of the agent: one boot. Returns when it is to end, or when its control thread has died."""
+        adapter = self._make_adapter(self._config)
+        equipment = equipment_of(adapter, self._config)
+        boot = new_boot(time.time())
+        sheet = factsheet_of(adapter, equipment, self._config, boot)
+        link = self._link = MqttLink(endpoints[0], sheet, rng=self._rng, others=endpoints[1:])
+        control = ControlLoop(
+            adapter=adapter,
+            capabilities=frozenset(sheet.capabilities),
+            link=link,
+            store=self._store,
+            boot=boot,
+            rng=self._rng,
+            networks=self._config.networks,
+        )
+        media = self._make_media(equipment, self._config, control)
+        media.start()
+        try:
+            control.start(media)
+            log.info("agent_started robot=%s adapter=%s boot=%s", self._config.robot, self._config.adapter, boot)
+            while not self._stopping.is_set() and not control.wait(GLANCE):
+                pass
+        finally:
+            control.close()
+            media.close()
+            log.info("agent_ended robot=%s boot=%s failed=%s", self._config.robot, boot, control.failed)
+
+    def _prepare_store(self) -> None:
+        try:
+            self._store.prepare()
+            if self._config.clear_estop:
+                self._store.keep_latch(None)
+        except OSError as error:
+            raise ConfigError(f"the agent cannot keep an e-stop in {self._config.var}: {error.strerror or error}") from error
+
+    def _keep_renewing(self) -> None:
+        keep_renewing(self._config, self._renewed, self._stopping.wait)
+
+    def _renewed(self, lines: dict[str, str]) -> None:
+        """Go on with new credentials from the next connection on; the present one holds as long as the server lets the old ones."""
+        self._config = replace(self._config, token=lines["token"], user=lines.get("user", self._config.robot))
+        if self._link is not None:
+            self._link.credentials_changed(self._config.user, lines["token"])
+
+    def _endpoints(self, urls: tuple[str, ...]) -> tuple[Endpoint, ...]:
+        return tuple(self._endpoint(url) for url in urls)
+
+    def _endpoint(self, url: str) -> Endpoint:
+        try:
+            user = (self._config.user or self._config.robot) if self._config.token else None
+            return Endpoint.of(url, user, self._config.token, self._config.ca)
+        except OSError as error:
+            raise ConfigError(f"the certificates in {self._config.ca} cannot be read: {error.strerror or error}") from error
+        except ValueError as error:
+            raise ConfigError(str(error)) from error
+
+
+def new_boot(unix: float) -> str:
+    """Return the id of a run of the agent. Ids sort by time, so that of two agents of one robot the newer is known."""
+    return f"{int(unix * 1000):012x}-{secrets.token_hex(4)}"
+
+
+def capabilities_of(adapter: Adapter, equipment: Equipment) -> tuple[Capability, ...]:
+    """Return what the robot can do: the adapter's, and what the agent does by itself.
+
+    Picture and sound by what there is, photos with a picture; words and calls, which every robot's screen can show; a worse network for
+    the driver.
+    """
+    sees: tuple[Capability, ...] = ("video", "photo") if equipment.video is not None else ()
+    hears: tuple[Capability, ...] = ("audio",) if equipment.audio is not None else ()
+    own = tuple(name for name in adapter.profile.capabilities if name not in {"video", "audio"})
+    ours: tuple[Capability, ...] = (*sees, *hears, "say", "call", "network_lab")
+    return (*own, *(name for name in ours if name not in own))
+
+
+def factsheet_of(adapter: Adapter, equipment: Equipment, config: AgentConfig, boot: str) -> Factsheet:
+    """Return what everybody may know of the robot; where its camera looks only while it has one."""
+    profile = adapter.profile
+    return Factsheet(
+        name=config.robot,
+        series=profile.series,
+        rca=profile.rca,
+        agent_version=VERSION,
+        boot=boot,
+        capabilities=capabilities_of(adapter, equipment),
+        limits=profile.limits,
+        footprint=profile.footprint,
+        camera=profile.camera if equipment.video is not None else None,
+        tilt=profile.tilt,
+        laser=profile.laser,
+        map_id=profile.map_id,
+        watchdog=profile.watchdog,
+        viewers=config.viewers,
+    )
+
+
+def run_until_signalled(agent: Agent) -> None:
+    """Run an agent in the main thread until Ctrl-C or the system's wish to end it; a second Ctrl-C does not wait.
+
+    Raises:
+        ConfigError: as `Agent.run`.
+    """
+
+    def end(number: int, _frame: FrameType | None) -> None:
+        signal.signal(number, signal.default_int_handler)
+        agent.stop()
+
+    for name in ("SIGINT", "SIGTERM", "SIGBREAK"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), end)
+    threading.excepthook = _log_thread
+    set_nice(SECOND)
+    agent.run()
+
+
+def _log_thread(arguments: threading.ExceptHookArgs) -> None:
+    thread = arguments.thread.name if arguments.thread else "?"
+    log.critical("thread_failed thread=%s", thread, exc_info=arguments.exc_value)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run `python -m robots.agent` and return the exit code."""
+    parser = ArgumentParser(prog="python -m robots.agent", description="The agent of a robot: connects it to a telepresence server.")
+    add_arguments(parser)
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s %(message)s", stream=sys.stderr)
+    try:
+        given = vars(parser.parse_args(arguments))
+        enrol_if_asked(given)
+        run_until_signalled(Agent(load(given)))
+    except ConfigError as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
+    return 0

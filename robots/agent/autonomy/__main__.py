@@ -1,0 +1,127 @@
+"""A mind in a process of its own: `python -m robots.agent.autonomy HOST:PORT`, with its token on the first line of standard input.
+
+Thinking takes milliseconds, now and then tens of them, and a control loop cannot wait for that, nor share an interpreter with it. The
+process ends with its socket.
+"""
+
+import logging
+import select
+import socket
+import sys
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from robots.agent import framing
+from robots.agent.autonomy import wire
+from robots.agent.autonomy.area import AreaError, area_of
+from robots.agent.autonomy.mind import Mind, OrderError
+from robots.agent.world.sensing import Beams
+
+log = logging.getLogger(__name__)
+PIECE = 256 << 10
+
+
+class Conversation:
+    """One mind and the control loop that it belongs to; `send` puts a message on the socket."""
+
+    def __init__(self, send: Callable[[wire.Word], None]) -> None:
+        self._send = send
+        self._mind: Mind | None = None
+        self._beams: Beams | None = None
+
+    def take(self, messages: Sequence[wire.ToMind]) -> None:
+        """Do what was said since the last time, in order; of several perceptions only the newest is worth a thought.
+
+        Raises:
+            WireError: a message makes no sense.
+        """
+        newest: wire.Perceive | None = None
+        for message in messages:
+            if isinstance(message, wire.Perceive):
+                newest = message
+                self._beams = wire.beams_in(message.sweep) if message.sweep else self._beams
+            else:
+                self._obey(message)
+        if newest is not None and self._mind is not None:
+            self._send(wire.Thinks(self._mind.think(wire.perceived(newest, self._beams))))
+
+    def _obey(self, message: wire.ToMind) -> None:
+        match message:
+            case wire.Settle():
+                self._send(wire.Settled(self._settle(message)))
+            case wire.Place(pose, spread, turn) if self._mind is not None:
+                self._mind.place(pose, spread, turn)
+            case wire.Order(number, _):
+                self._send(wire.Answer(number, self._begin(message)))
+            case wire.Drop(action_id) if self._mind is not None:
+                self._mind.cancel(action_id)
+            case _:
+                log.warning("said_too_early message=%s", type(message).__name__)
+
+    def _settle(self, message: wire.Settle) -> str:
+        try:
+            self._mind = Mind(area_of(message.area), message.body, np.random.default_rng(message.seed))
+        except AreaError as error:
+            return str(error) or type(error).__name__
+        return ""
+
+    def _begin(self, order: wire.Order) -> str:
+        if self._mind is None:
+            return "no map"
+        try:
+            self._mind.begin(order.action)
+        except OrderError as error:
+            return str(error) or type(error).__name__
+        return ""
+
+
+def frames(buffer: bytearray) -> list[wire.ToMind]:
+    """Take the whole messages off the beginning of a buffer.
+
+    Raises:
+        WireError: something else stands there.
+    """
+    found = []
+    while (body := framing.take(buffer)) is not None:
+        found.append(wire.unpack_order(body))
+    return found
+
+
+def serve(link: socket.socket) -> None:
+    """Think until the other side is gone.
+
+    Raises:
+        OSError, WireError: the other side is broken.
+    """
+    conversation = Conversation(lambda message: link.sendall(framing.pack(message)))
+    buffer = bytearray()
+    while piece := link.recv(PIECE):
+        buffer += piece
+        # Take all that is there: a mind that fell behind catches up by leaving out moments.
+        while select.select([link], [], [], 0.0)[0] and (piece := link.recv(PIECE)):
+            buffer += piece
+        conversation.take(frames(buffer))
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the process and return its exit code."""
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s %(message)s", stream=sys.stderr)
+    host, _, port = arguments[0].rpartition(":")
+    token = sys.stdin.readline().strip()
+    try:
+        with socket.create_connection((host, int(port)), timeout=10.0) as link:
+            link.settimeout(None)
+            link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            link.sendall(framing.pack(wire.Token(token)))
+            serve(link)
+    except (OSError, framing.WireError) as error:
+        log.warning("mind_ended reason=%r", str(error))
+        return 1
+    except KeyboardInterrupt:
+        return 0
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

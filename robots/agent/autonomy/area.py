@@ -1,0 +1,78 @@
+"""The site that a robot finds its way in: the map, and the plan when there is one. It travels as the server's `floorplan` message."""
+
+import base64
+import binascii
+import hashlib
+import io
+import json
+from dataclasses import dataclass
+
+from robots.agent.world.grid import MapError, OccupancyGrid, decode_grey, encode_png
+from robots.agent.world.sites import Site
+from robots.api import floorplan
+from robots.api.floorplan import Dock, FloorPlan, FloorPlanError
+from robots.api.geometry import MapTransform, Pose2D
+from robots.api.messages import FloorPlanUpdate
+
+
+class AreaError(ValueError):
+    """A map or plan that a robot cannot find its way in, in one sentence."""
+
+
+@dataclass(frozen=True)
+class Area:
+    """`plan` is None when the site has a map and nothing else: no docks, no named places."""
+
+    grid: OccupancyGrid
+    plan: FloorPlan | None
+
+
+def area_of(update: FloorPlanUpdate) -> Area:
+    """Return the site that a `floorplan` message describes.
+
+    Raises:
+        AreaError: image or plan cannot be used.
+    """
+    try:
+        image = decode_grey(io.BytesIO(base64.b64decode(update.image, validate=True)), f"the map {update.map_id!r}")
+    except (MapError, binascii.Error) as error:
+        raise AreaError(str(error)) from error
+    transform = MapTransform(update.resolution, Pose2D(*update.origin), image.shape[0])
+    grid = OccupancyGrid(image, transform, update.negate, update.occupied_thresh, update.free_thresh)
+    return Area(grid, plan_of(update))
+
+
+def plan_of(update: FloorPlanUpdate) -> FloorPlan | None:
+    """Return the plan of a `floorplan` message, None when it has none.
+
+    Raises:
+        AreaError: the plan cannot be used.
+    """
+    if update.plan is None:
+        return None
+    try:
+        return floorplan.decode(json.dumps(update.plan))
+    except FloorPlanError as error:
+        raise AreaError(f"the plan of {update.map_id!r} cannot be used: {error}") from error
+
+
+def update_of(site: Site) -> FloorPlanUpdate:
+    """Return a site as the message that describes it."""
+    image, transform = encode_png(site.grid.image), site.grid.transform
+    return FloorPlanUpdate(
+        map_id=site.plan.map_id,
+        sha256=hashlib.sha256(image).hexdigest(),
+        resolution=transform.resolution,
+        origin=(transform.origin.x, transform.origin.y, transform.origin.theta),
+        negate=site.grid.negate,
+        occupied_thresh=site.grid.occupied_thresh,
+        free_thresh=site.grid.free_thresh,
+        image=base64.b64encode(image).decode(),
+        plan=json.loads(floorplan.encode(site.plan)),
+    )
+
+
+def own_dock(plan: FloorPlan | None, series: str) -> Dock | None:
+    """Return the dock of a series of robots when there is exactly one: then a docked robot knows where it is."""
+    docks = [dock for dock in plan.docks if dock.type == series] if plan else []
+    return docks[0] if len(docks) == 1 else None

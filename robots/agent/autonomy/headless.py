@@ -1,0 +1,78 @@
+"""A whole robot's autonomy without threads, processes or clocks: for studies, benchmarks and robots that have no visitor."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from robots.agent.adapters.contract import ActionProgress
+from robots.agent.autonomy.area import Area
+from robots.agent.autonomy.guard import Guard
+from robots.agent.autonomy.mind import Mind
+from robots.agent.autonomy.perception import Body, Perception, Thought
+from robots.agent.autonomy.whereabouts import Whereabouts
+from robots.agent.cadence import Cadence
+from robots.agent.motion import ZERO
+from robots.api.geometry import Pose2D
+from robots.api.messages import Action, AssistLevel, Point, Pose, Velocity
+
+THINKING = 0.1  # seconds between two thoughts
+
+
+class Headless:
+    """Give it every moment; it answers with the velocity that its action wants, or that it makes of a driver's.
+
+    `news` gathers what became of actions, `thought` is the newest one, `path` what the robot follows.
+    """
+
+    def __init__(self, body: Body, area: Area, rng: np.random.Generator, *, thinking: float = THINKING) -> None:
+        """Read the map.
+
+        Raises:
+            AreaError: nothing can find its way there.
+        """
+        self.guard = Guard(body.footprint, body.limits)
+        self.mind = Mind(area, body, rng)
+        self.whereabouts = Whereabouts()
+        self.news: list[ActionProgress] = []
+        self.thought: Thought | None = None
+        self.path: tuple[Point, ...] = ()
+        self._due = Cadence(thinking)
+        self._moment: Perception | None = None
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot believes to be."""
+        moment = self._moment
+        return self.whereabouts.pose(moment.odometry if moment else None, moment.stamp if moment else 0.0)
+
+    def place(self, pose: Pose2D) -> None:
+        """Hear where the robot is."""
+        self.mind.place(pose)
+
+    def begin(self, action: Action) -> None:
+        """Begin a goto, follow, dock, undock or relocalize.
+
+        Raises:
+            OrderError: it cannot be done, with the reason.
+        """
+        self.mind.begin(action)
+
+    def step(self, moment: Perception) -> Velocity:
+        """Take a moment, its newest sweep included, and return what the running action wants, ZERO without one; 20 Hz or more."""
+        before, self._moment = self._moment, moment
+        new = moment.beams is not None and (before is None or moment.beams is not before.beams)
+        self.guard.sense(moment.stamp, moment.odometry, moment.beams if new else None, moment.stamp)
+        if self._due.due(moment.stamp):
+            self.thought = self.mind.think(replace(moment, points=self.guard.points()))
+            self.whereabouts.take(self.thought, moment.stamp)
+            self.news += self.thought.news
+            self.path = self.path if self.thought.path is None else self.thought.path
+        wanted = self.thought.wanted if self.thought else None
+        if wanted is not None:
+            self.guard.leave(wanted)
+        return wanted or ZERO
+
+    def assist(self, wanted: Velocity, level: AssistLevel) -> Velocity:
+        """Return what a driver who asks for `wanted` gets at a level of assistance."""
+        self.guard.level = level
+        return self.guard.shape(wanted, self._moment.stamp if self._moment else 0.0).velocity

@@ -1,0 +1,116 @@
+"""How far each peer's clock is from ours, from heartbeats and their echoes.
+
+The four stamps of the Network Time Protocol (Mills, RFC 5905, section 8): we sent a beat, the peer received it, the peer sent one
+that echoes it, we received that. Half of what is left after the peer's own pause is the way there, so the offset's error is at most
+half the round trip: of the last ten, the sample with the least round trip is believed.
+
+Our side of every sample is monotonic time, so that a step of this computer's own clock makes no command look old or young.
+"""
+
+from collections import OrderedDict, deque
+from dataclasses import dataclass, field
+
+from robots.api.messages import CommandHeartbeat, Echo, Heartbeat, Way
+
+SAMPLES = 10
+KNOWN_AFTER = 3
+LONGEST_ROUND_TRIP = 10.0
+STAMP_NOISE = 0.001
+PEERS_KEPT = 32
+BEATS_KEPT = 64
+PEERS_ECHOED = 8
+ECHO_WITHIN = 5.0
+SERVER_PEER = "server"
+
+
+@dataclass
+class PeerClock:
+    """The clock of one peer; `offset` is its Unix time minus our monotonic time, in seconds."""
+
+    samples: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=SAMPLES))
+
+    def add(self, *, sent: float, peer_received: float, peer_sent: float, received: float) -> bool:
+        """Take the four stamps of one echo, in seconds; return False when they contradict each other."""
+        pause = peer_sent - peer_received
+        round_trip = (received - sent) - pause
+        if pause < 0.0 or not -STAMP_NOISE <= round_trip <= LONGEST_ROUND_TRIP:
+            return False
+        self.samples.append((max(0.0, round_trip), ((peer_received - sent) + (peer_sent - received)) / 2))
+        return True
+
+    @property
+    def known(self) -> bool:
+        """Tell whether enough echoes have come to judge ages by."""
+        return len(self.samples) >= KNOWN_AFTER
+
+    @property
+    def round_trip(self) -> float:
+        """Return the least round trip of the last samples, in seconds; twice the largest error of the offset."""
+        return min(self.samples)[0] if self.samples else LONGEST_ROUND_TRIP
+
+    def age(self, stamp: float, now: float) -> float:
+        """Return how many seconds before `now` (monotonic) the peer wrote `stamp` (its Unix time); needs a sample."""
+        return now - (stamp - min(self.samples)[1])
+
+
+@dataclass
+class _Peer:
+    """One peer's clock, and the last beat heard from it on each way: (n, its stamp, our Unix time).
+
+    `delays` are the last differences between our monotonic time and its stamps: its offset, plus the way here.
+    """
+
+    heard: float
+    delays: deque[float] = field(default_factory=lambda: deque(maxlen=SAMPLES))
+    clock: PeerClock = field(default_factory=PeerClock)
+    beats: dict[Way, tuple[int, float, float]] = field(default_factory=dict)
+
+
+class Clocks:
+    """All peers that beat, and the beats that we sent ourselves."""
+
+    def __init__(self) -> None:
+        self._peers: OrderedDict[str, _Peer] = OrderedDict()
+        self._sent: OrderedDict[int, float] = OrderedDict()
+        self._n = 0
+
+    def beat(self, now: float, unix: float) -> Heartbeat:
+        """Return the next heartbeat of this robot, with the echo of every peer heard lately, one a way."""
+        self._n += 1
+        self._sent[self._n] = now
+        while len(self._sent) > BEATS_KEPT:
+            self._sent.popitem(last=False)
+        return Heartbeat(n=self._n, stamp=unix, echoes=self._echoes(now))
+
+    def heard(self, peer: str, way: Way, beat: CommandHeartbeat, *, now: float, unix: float) -> None:
+        """Take a peer's heartbeat that arrived at `now` (monotonic), `unix` by this computer's clock."""
+        entry = self._peers.pop(peer, None) or _Peer(now)
+        self._peers[peer] = entry
+        while len(self._peers) > PEERS_KEPT:
+            self._peers.popitem(last=False)
+        entry.heard, entry.beats[way] = now, (beat.n, beat.stamp, unix)
+        entry.delays.append(now - beat.stamp)
+        # Our own record of when beat n left is what counts, not the stamp that the peer says it had.
+        if beat.echo is not None and (sent := self._sent.get(beat.echo.n)) is not None:
+            entry.clock.add(sent=sent, peer_received=beat.echo.received, peer_sent=beat.stamp, received=now)
+
+    def of(self, peer: str) -> PeerClock | None:
+        """Return the clock of a peer once it is known, else None."""
+        entry = self._peers.get(peer)
+        return entry.clock if entry and entry.clock.known else None
+
+    def rough_age(self, peer: str, stamp: float, now: float) -> float | None:
+        """Return a stamp's age in seconds, also by a peer that beats without echoing us: too young by its fastest beat's way here.
+
+        Good enough for limits of seconds. None when the peer was never heard.
+        """
+        entry = self._peers.get(peer)
+        if entry is None:
+            return None
+        return entry.clock.age(stamp, now) if entry.clock.known else now - stamp - min(entry.delays)
+
+    def _echoes(self, now: float) -> tuple[Echo, ...]:
+        lately = [(name, peer) for name, peer in reversed(self._peers.items()) if now - peer.heard <= ECHO_WITHIN]
+        return tuple(
+            Echo(peer=name, n=n, stamp=stamp, received=received) for name, peer in lately[:PEERS_ECHOED] for n, stamp, received in peer.beats.values()
+        )

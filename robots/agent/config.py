@@ -1,0 +1,205 @@
+"""What an agent is told: by its command line, its environment, or a credentials file, in this order.
+
+A credentials file is TOML, as the site hands it out when credentials are made: `robot`, `token`, and where to reach the server
+(`server`, or the broker itself as `mqtt_url`); it may also name `ca`, `adapter`, `profile`, `plan` and a table of `options`.
+"""
+
+import argparse
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from robots.agent.lab.in_force import CLEAN, Networks
+from robots.api import network_words
+from robots.api.messages import NetworkLab
+from robots.api.topics import RESERVED_NAMES, ROBOT_NAME
+
+ENVIRONMENT = "TELEPRESENCE_"
+SETTINGS = ("server", "mqtt_url", "token", "ca", "adapter", "profile", "plan", "viewers", "user", "camera", "microphone", "loudspeaker")
+DEFAULT_ADAPTER = "simulator"
+DEFAULT_VIEWERS = 8
+MOST_VIEWERS = 64
+LARGEST_SEED = 2**31 - 1
+
+
+class ConfigError(ValueError):
+    """The agent cannot start like this; the message is one sentence for the robot's owner."""
+
+
+@dataclass(frozen=True)
+class AgentConfig:
+    """Everything that differs between two agents. One of `server` and `mqtt_url` is set; `var` keeps what survives a restart."""
+
+    robot: str
+    server: str | None
+    mqtt_url: str | None
+    token: str | None = field(repr=False)
+    ca: str | None
+    adapter: str
+    profile: str
+    options: dict[str, Any]
+    viewers: int
+    var: Path
+    clear_estop: bool = False
+    plan: str = ""
+    networks: Networks = CLEAN
+    user: str = ""  # at the broker; the robot's name unless the server gave another one with the credentials
+    credentials: Path | None = None  # the file that they came from
+    camera: str = ""  # devices as devices.words has them; empty is what the adapter has
+    microphone: str = ""
+    loudspeaker: str = ""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Name the command line's arguments; `run_robot` and `python -m robots.agent` have the same."""
+    parser.add_argument("robot", help="the robot's name, as the site has it")
+    parser.add_argument("--server", metavar="URL", help="the site; it says where the broker is")
+    parser.add_argument("--mqtt", metavar="URL", dest="mqtt_url", help="the broker itself: mqtt://, mqtts://, ws:// or wss://host:port")
+    parser.add_argument("--credentials", metavar="FILE", type=Path, help="TOML with robot and token (default: credentials/ROBOT.toml in --var)")
+    parser.add_argument("--enrol", metavar="TOKEN", help="a one-time token: fetch the credentials from --server, keep them in that file, and go on")
+    parser.add_argument("--ca", metavar="FILE", help="certificates to trust besides the system's, for a self-made one")
+    parser.add_argument("--adapter", help=f"which kind of robot control architecture (default: {DEFAULT_ADAPTER})")
+    parser.add_argument("--profile", help="which robot of that kind (default: the robot's name)")
+    parser.add_argument("--plan", help="the site where the robot finds its way: a shipped one or a folder (default: what the server says)")
+    parser.add_argument("--option", metavar="NAME=VALUE", action="append", default=[], help="an option of the adapter; may be repeated")
+    parser.add_argument("--viewers", type=int, help=f"how many pages may watch at once (default: {DEFAULT_VIEWERS})")
+    parser.add_argument("--camera", metavar="DEVICE", help="such as /dev/video0, rtsp://host/stream, a file, or none (default: the architecture's)")
+    parser.add_argument("--microphone", metavar="DEVICE", help="such as alsa:default, or none (default: the architecture's)")
+    parser.add_argument("--loudspeaker", metavar="DEVICE", help="such as alsa:default, or none (default: the architecture's)")
+    parser.add_argument("--var", metavar="DIR", type=Path, help="where the agent keeps an e-stop across restarts (default: var)")
+    lab = f"make the driver's network worse, such as {network_words.EXAMPLE},rate=400: ms, %%, kbit/s"
+    parser.add_argument("--control-network", metavar="WORDS", help=f"{lab}; for commands on their way to the robot")
+    parser.add_argument("--video-network", metavar="WORDS", help="the same for picture and sound on their way to the driver")
+    parser.add_argument("--network-seed", metavar="N", default="0", help="the seed of their chance (default: 0)")
+    parser.add_argument("--clear-estop", action="store_true", help="let go of an e-stop that was latched: for whoever stands beside the robot")
+
+
+def load(arguments: Mapping[str, Any], environment: Mapping[str, str] | None = None) -> AgentConfig:
+    """Return the configuration that command line, environment and credentials file make together.
+
+    Args:
+        arguments: what `add_arguments` parsed.
+        environment: `TELEPRESENCE_SERVER`, `TELEPRESENCE_TOKEN` and so on; the process's own by default.
+
+    Raises:
+        ConfigError: something is missing, contradictory or unreadable.
+    """
+    environment = os.environ if environment is None else environment
+    robot = _checked_name(str(arguments["robot"]))
+    var = Path(arguments.get("var") or environment.get(f"{ENVIRONMENT}VAR") or "var")
+    path = credentials_path(arguments, environment)
+    kept = _credentials(path, named=path != _usual_path(var, robot), robot=robot)
+    found = {name: _first(arguments.get(name), environment.get(ENVIRONMENT + name.upper()), kept.get(name)) for name in SETTINGS}
+    _check_addresses(arguments, found)
+    return AgentConfig(
+        robot=robot,
+        server=None if found["mqtt_url"] else str(found["server"]).rstrip("/"),
+        mqtt_url=found["mqtt_url"],
+        token=found["token"],
+        ca=found["ca"],
+        adapter=found["adapter"] or DEFAULT_ADAPTER,
+        profile=found["profile"] or robot,
+        options={**kept.get("options", {}), **_options(arguments.get("option") or [])},
+        viewers=_viewers(found["viewers"]),
+        var=var,
+        clear_estop=bool(arguments.get("clear_estop")),
+        plan=str(found["plan"] or ""),
+        networks=_networks(arguments),
+        user=str(found["user"] or robot),
+        credentials=path if kept.get("token") and kept["token"] == found["token"] else None,
+        camera=str(found["camera"] or ""),
+        microphone=str(found["microphone"] or ""),
+        loudspeaker=str(found["loudspeaker"] or ""),
+    )
+
+
+def _first(*values: Any) -> Any:
+    return next((value for value in values if value is not None and value != ""), None)
+
+
+def _checked_name(robot: str) -> str:
+    if not ROBOT_NAME.match(robot) or robot in RESERVED_NAMES:
+        raise ConfigError(f"{robot!r} cannot be a robot's name: lower-case letters, digits and hyphens")
+    return robot
+
+
+def credentials_path(arguments: Mapping[str, Any], environment: Mapping[str, str] | None = None) -> Path:
+    """Return where the credentials are, or are to be: the file that was named, or where the site keeps those on its own machine."""
+    environment = os.environ if environment is None else environment
+    var = Path(arguments.get("var") or environment.get(f"{ENVIRONMENT}VAR") or "var")
+    named = arguments.get("credentials") or environment.get(f"{ENVIRONMENT}CREDENTIALS")
+    return Path(named) if named else _usual_path(var, str(arguments["robot"]))
+
+
+def _usual_path(var: Path, robot: str) -> Path:
+    return var / "credentials" / f"{robot}.toml"
+
+
+def _credentials(path: Path, *, named: bool, robot: str) -> dict[str, Any]:
+    """Read a credentials file; only one that was named has to be there."""
+    if not named and not path.exists():
+        return {}
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"the credentials file {path} cannot be read: {error.strerror or error}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"the credentials file {path} is not TOML: {error}") from error
+    if content.get("robot", robot) != robot:
+        raise ConfigError(f"the credentials file {path} is of the robot {content['robot']!r}, not of {robot!r}")
+    odd = [name for name in SETTINGS if not isinstance(content.get(name, ""), str | int)]
+    if odd or not isinstance(content.get("options", {}), dict):
+        raise ConfigError(f"in the credentials file {path}, {odd[0] if odd else 'options'} is not what it should be")
+    return content
+
+
+def _check_addresses(arguments: Mapping[str, Any], found: dict[str, Any]) -> None:
+    if arguments.get("server") and arguments.get("mqtt_url"):
+        raise ConfigError("--server and --mqtt exclude each other: the server says where its broker is")
+    if arguments.get("server"):
+        found["mqtt_url"] = None  # what the command line says overrules the file
+    if not found["server"] and not found["mqtt_url"]:
+        raise ConfigError("where is the server? Give --server URL, or --mqtt URL for the broker itself, or --credentials FILE with one of them")
+    if not found["mqtt_url"]:
+        if not str(found["server"]).startswith(("https://", "http://")):
+            raise ConfigError(f"the server's address begins with https:// or http://, not {found['server']!r}")
+        if not found["token"]:
+            raise ConfigError("the server asks for credentials: give --credentials FILE, which it hands out when they are made")
+
+
+def _options(given: list[str]) -> dict[str, str]:
+    pairs = [text.partition("=") for text in given]
+    for name, equals, _ in pairs:
+        if not (name and equals):
+            raise ConfigError(f"--option wants NAME=VALUE, not {name!r}")
+    return {name: value for name, _, value in pairs}
+
+
+def _networks(arguments: Mapping[str, Any]) -> Networks:
+    """Return what the command line puts on drivers' networks; as in a study, the picture's seed is the next one."""
+    text = str(arguments.get("network_seed") or "0")
+    if not (text.isdecimal() and int(text) <= LARGEST_SEED):
+        raise ConfigError(f"--network-seed is a whole number from 0 to {LARGEST_SEED}, not {text!r}")
+    seed = int(text)
+    control = _network("--control-network", arguments.get("control_network"), seed)
+    return Networks(control, _network("--video-network", arguments.get("video_network"), seed + 1))
+
+
+def _network(option: str, words: Any, seed: int) -> NetworkLab | None:
+    try:
+        return network_words.parse(str(words), seed) if words else None
+    except ValueError as error:
+        raise ConfigError(f"{option}: {error}") from error
+
+
+def _viewers(value: Any) -> int:
+    try:
+        viewers = int(DEFAULT_VIEWERS if value is None else value)
+    except ValueError as error:
+        raise ConfigError(f"--viewers wants a number, not {value!r}") from error
+    if not 0 <= viewers <= MOST_VIEWERS:
+        raise ConfigError(f"--viewers is between 0 and {MOST_VIEWERS}, not {viewers}")
+    return viewers

@@ -1,0 +1,212 @@
+"""The control loop: a thread of its own, because it must run when nothing else does.
+
+Adapter, safety and the broker's connection share one selector loop that no picture and no disk can hold up; the wheels turn at 50 Hz
+of monotonic time, and once more for every command that arrives. When the thread itself is stuck, the base's own watchdog stops it.
+"""
+
+import asyncio
+import logging
+import random
+import threading
+from collections.abc import Coroutine
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+from robots.agent.adapter_link import AdapterLink
+from robots.agent.adapters.contract import Adapter
+from robots.agent.lab.in_force import CLEAN, Networks
+from robots.agent.pilot import Parts, Pilot
+from robots.agent.priority import FIRST, ORDINARY, set_nice
+from robots.agent.safety import Kernel
+from robots.agent.store import Store
+from robots.agent.times import Times
+from robots.agent.ways_out import Link, Media
+from robots.api.messages import Capability, Message, Role, SignalReply
+
+log = logging.getLogger(__name__)
+
+PERIOD = 0.02
+LATE = 0.2
+BRAKING_TIME = 3.0
+FAREWELL_TIME = 3.0
+FRAMES_WAITING = 400
+URGENT = "command/action"
+
+
+class ControlLoop:
+    """One robot's control. `start`, `close`, `receive_frame`, `reply` and `publish` may be called from any thread.
+
+    Args:
+        adapter: the robot control architecture.
+        capabilities: what the robot can do: the adapter's, and what the agent adds.
+        link: the broker.
+        store: what is remembered across restarts.
+        boot: the id of this run.
+        rng: spreads attempts to connect.
+        times: the clocks.
+        networks: what is put on the network of drivers of whom the server says nothing.
+    """
+
+    def __init__(
+        self,
+        *,
+        adapter: Adapter,
+        capabilities: frozenset[Capability],
+        link: Link,
+        store: Store,
+        boot: str,
+        rng: random.Random,
+        times: Times | None = None,
+        networks: Networks = CLEAN,
+    ) -> None:
+        profile = adapter.profile
+        self.kernel = Kernel(profile.limits, profile.watchdog, capabilities, latch=store.latch(), newest_lease=store.lease())
+        self.failed = True  # until it has ended well; why it did not, threading.excepthook is told
+        self._adapter, self._link, self._store, self._boot = AdapterLink(adapter, rng=rng), link, store, boot
+        self._times, self._networks = times or Times(), networks
+        self._thread = threading.Thread(target=self._run, name="control", daemon=True)
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._pilot: Pilot | None = None
+        self._media: Media | None = None
+        self._closing = threading.Event()
+        self._ready, self._ended = threading.Event(), threading.Event()
+        self._beside: set[asyncio.Task[None]] = set()
+        self._waiting = 0
+
+    # --- any thread --------------------------------------------------------------------------------------------------
+
+    def start(self, media: Media) -> None:
+        """Start the thread; `media` hears signals, leases and telemetry, and takes pictures."""
+        self._media = media
+        self._thread.start()
+        self._ready.wait()
+
+    def receive_frame(self, peer: str, role: Role, frame: str | bytes) -> None:
+        """Take a frame of a data channel. The lease says whether `peer` drives; `role` is what signalling makes of that."""
+        if self._waiting > FRAMES_WAITING and not _is_urgent(frame):
+            log.warning("frame_dropped peer=%s role=%s", peer, role)
+            return
+        self._waiting += 1
+        self._post(self._frame, peer, role, frame)
+
+    def reply(self, peer: str, message: SignalReply) -> None:
+        """Answer a page's signal."""
+        self.publish(f"signal/{peer}/reply", message)
+
+    def publish(self, suffix: str, message: Message) -> None:
+        """Send a message of the robot."""
+        self._post(self._send, suffix, message)
+
+    def publish_picture(self, payload: bytes, peer: str | None = None) -> None:
+        """Send a picture for pages that WebRTC does not reach, or for the page of one peer alone."""
+        self._post(self._send_picture, payload, peer)
+
+    def close(self) -> None:
+        """Brake, say goodbye, let go of the robot; returns when that is done, after some seconds at most. Idempotent."""
+        self._closing.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def wait(self, timeout: float) -> bool:
+        """Wait until the thread has ended, at most `timeout` seconds; `failed` says that nobody asked for it."""
+        return self._ended.wait(timeout)
+
+    # --- the thread --------------------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        set_nice(FIRST)
+        try:
+            # Not asyncio.run: on Windows its default loop can watch no sockets that are not its own, which MQTT needs.
+            with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
+                runner.run(self._main())
+            self.failed = False
+        finally:
+            self._loop = None
+            self._ready.set()
+            self._ended.set()
+
+    async def _main(self) -> None:
+        assert self._media is not None
+        loop = self._loop = asyncio.get_running_loop()
+        # What is done beside the loop (disks, pictures, a simulator that is started) has no business to go first.
+        loop.set_default_executor(ThreadPoolExecutor(thread_name_prefix="beside", initializer=set_nice, initargs=(ORDINARY,)))
+        parts = Parts(self.kernel, self._adapter, self._link, self._media, self._store, self._times, self._boot, self._networks)
+        pilot = self._pilot = Pilot(parts, self._spawn)
+        adapter = asyncio.create_task(self._adapter.run(pilot))
+        link = asyncio.create_task(self._link.run(pilot))
+        self._ready.set()
+        try:
+            await self._until_closing(pilot, {adapter, link})
+            pilot.brake()
+            await self._until_standing(pilot)
+        finally:
+            await _cancel(adapter)
+            await self._adapter.close()
+            self._link.close()
+            await asyncio.wait({link}, timeout=FAREWELL_TIME)
+            await _cancel(link, *self._beside)
+
+    async def _until_closing(self, pilot: Pilot, vital: set[asyncio.Task[None]]) -> None:
+        """Tick at 50 Hz, and at the very moment of the deadman, until `close()` was called or one of `vital` fails."""
+        next_tick = self._times.now()
+        while not self._closing.is_set():
+            for task in (*vital, *self._beside):
+                if task.done():
+                    task.result()
+            now = self._times.now()
+            if now - next_tick > LATE:
+                log.warning("control_loop_late seconds=%.3f", now - next_tick)
+            if now >= next_tick:
+                next_tick = max(next_tick + PERIOD, now)
+            pilot.tick()
+            wake = min(next_tick, pilot.deadline() or next_tick)
+            await asyncio.sleep(max(0.0, wake - self._times.now()))
+
+    async def _until_standing(self, pilot: Pilot) -> None:
+        until = self._times.now() + BRAKING_TIME
+        while not pilot.stands and self._times.now() < until:
+            pilot.tick()
+            await asyncio.sleep(PERIOD)
+        pilot.reports.state()
+
+    def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.get_running_loop().create_task(work)
+        self._beside.add(task)
+        task.add_done_callback(self._done)
+
+    def _done(self, task: asyncio.Task[None]) -> None:
+        # One that failed stays, for the next tick to raise what went wrong.
+        if task.cancelled() or task.exception() is None:
+            self._beside.discard(task)
+
+    def _post(self, call: Any, *arguments: Any) -> None:
+        loop = self._loop
+        if loop is None:
+            return
+        try:
+            loop.call_soon_threadsafe(call, *arguments)
+        except RuntimeError:
+            log.debug("control_loop_ended")
+
+    def _frame(self, peer: str, role: Role, frame: str | bytes) -> None:
+        self._waiting -= 1
+        if self._pilot is not None:
+            self._pilot.frame(peer, role, frame)
+
+    def _send(self, suffix: str, message: Message) -> None:
+        if self._pilot is not None:
+            self._pilot.out.send(suffix, message)
+
+    def _send_picture(self, payload: bytes, peer: str | None) -> None:
+        if self._pilot is not None:
+            self._pilot.out.picture(payload, peer)
+
+
+def _is_urgent(frame: str | bytes) -> bool:
+    return frame.startswith(URGENT) if isinstance(frame, str) else frame.startswith(URGENT.encode())
+
+
+async def _cancel(*tasks: asyncio.Task[None]) -> None:
+    for task in tasks:
+        task.cancel()
+    await asyncio.gather(*tasks, return_exceptions=True)

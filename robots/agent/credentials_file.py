@@ -1,0 +1,45 @@
+"""The file with an agent's credentials: TOML that its owner alone can read, replaced whole."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+
+def toml(lines: Mapping[str, str]) -> str:
+    """Return `name = "value"` lines."""
+    return "".join(f"{name} = {_quoted(value)}\n" for name, value in lines.items())
+
+
+def _quoted(value: str) -> str:
+    return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def keep(path: Path, text: str) -> None:
+    """Write the file so that it is either the old one or the new one whenever the power fails, and never readable by others.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(f"{path.name}.new")
+    unfinished.unlink(missing_ok=True)  # of a write that was cut short, perhaps with other rights
+    descriptor = os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    unfinished.replace(path)
+
+
+def changed(text: str, values: Mapping[str, str]) -> str:
+    """Return a credentials file with other values on its own lines, and everything else (options, comments, tables) as it was."""
+    left = dict(values)
+    lines, in_table = [], False
+    for line in text.splitlines():
+        name = line.partition("=")[0].strip()
+        in_table = in_table or line.lstrip().startswith("[")
+        if not in_table and name in left:
+            lines.append(f"{name} = {_quoted(left.pop(name))}")
+        else:
+            lines.append(line)
+    return toml(left) + "".join(f"{line}\n" for line in lines)

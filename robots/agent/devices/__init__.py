@@ -1,0 +1,1 @@
+"""Cameras, microphones and loudspeakers of the robot's own computer, whatever its control architecture is."""

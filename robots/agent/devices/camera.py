@@ -1,0 +1,56 @@
+"""A camera by device, file or address, as the contract wants one: see adapters/contract.VideoSource."""
+
+from typing import Any
+
+import av
+import numpy as np
+import numpy.typing as npt
+from av.video.reformatter import ColorRange, VideoReformatter
+
+from robots.agent.adapters.contract import Frame
+from robots.agent.devices.newest import Newest
+from robots.agent.devices.reader import Reader
+from robots.agent.devices.words import DeviceWords
+
+LARGEST = (1280, 960)  # pixels: more is scaled down at once, because no stream of ours is larger
+
+
+class DeviceCamera:
+    """See contract.VideoSource. Of pictures that nobody fetched the newest counts."""
+
+    def __init__(self, words: DeviceWords) -> None:
+        self._reader = Reader("camera", words, "video", self._take)
+        self._newest: Newest[tuple[Any, float]] = Newest()
+        self._reformatter = VideoReformatter()
+
+    def start(self) -> None:
+        """Begin to capture; idempotent."""
+        self._newest.put(None)
+        self._reader.start()
+
+    def stop(self) -> None:
+        """Stop capturing; idempotent."""
+        self._reader.stop()
+
+    def read(self, timeout: float) -> Frame | None:
+        """Block for the next picture, at most `timeout` seconds; None when there was none.
+
+        Raises:
+            AdapterError: the camera is gone.
+        """
+        newest = self._newest.take(timeout if not self._reader.failed else 0.0)
+        if newest is None:
+            self._reader.check()
+            return None
+        return Frame(picture_of(newest[0], self._reformatter), newest[1], "yuv420p")
+
+    def _take(self, frame: Any, stamp: float) -> None:
+        self._newest.put((frame, stamp))
+
+
+def picture_of(frame: av.VideoFrame, reformatter: VideoReformatter) -> npt.NDArray[np.uint8]:
+    """Return a decoded picture of any format as `contract.Frame` wants yuv420p: even sides, at most LARGEST, video's range of values."""
+    scale = min(1.0, LARGEST[0] / frame.width, LARGEST[1] / frame.height)
+    width, height = (max(2, int(side * scale) // 2 * 2) for side in (frame.width, frame.height))
+    same = reformatter.reformat(frame, width, height, format="yuv420p", dst_color_range=ColorRange.MPEG, threads=1)
+    return np.ascontiguousarray(same.to_ndarray(), dtype=np.uint8)

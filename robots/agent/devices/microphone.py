@@ -1,0 +1,59 @@
+"""A microphone by device, file or address, as the contract wants one: see adapters/contract.AudioSource."""
+
+import threading
+from collections import deque
+from typing import Any
+
+import av
+import numpy as np
+import numpy.typing as npt
+
+from robots.agent.devices.reader import Reader
+from robots.agent.devices.words import DeviceWords
+
+RATE, BLOCK = 48_000, 960  # samples a second, and in 20 ms
+WAITING = 10  # blocks that wait for whoever fetches them: 0.2 s, then the oldest go
+
+
+class DeviceMicrophone:
+    """See contract.AudioSource."""
+
+    def __init__(self, words: DeviceWords) -> None:
+        self._reader = Reader("microphone", words, "audio", self._take)
+        self._news = threading.Condition()
+        self._blocks: deque[npt.NDArray[np.int16]] = deque(maxlen=WAITING)
+        self._resampler = _resampler()
+
+    def start(self) -> None:
+        """Begin to capture; idempotent."""
+        self._blocks.clear()
+        self._resampler = _resampler()
+        self._reader.start()
+
+    def stop(self) -> None:
+        """Stop capturing; idempotent."""
+        self._reader.stop()
+
+    def read(self, timeout: float) -> npt.NDArray[np.int16] | None:
+        """Block for the next 20 ms, (960,), at most `timeout` seconds; None when there was nothing.
+
+        Raises:
+            AdapterError: the microphone is gone.
+        """
+        with self._news:
+            self._news.wait_for(lambda: self._blocks, timeout if not self._reader.failed else 0.0)
+            block = self._blocks.popleft() if self._blocks else None
+        if block is None:
+            self._reader.check()
+        return block
+
+    def _take(self, frame: Any, _stamp: float) -> None:
+        frame.pts = None  # a device that begins anew, or a file, has times of its own; only the order counts
+        blocks = [block.to_ndarray()[0] for block in self._resampler.resample(frame)]
+        with self._news:
+            self._blocks.extend(blocks)
+            self._news.notify_all()
+
+
+def _resampler() -> av.AudioResampler:
+    return av.AudioResampler(format="s16", layout="mono", rate=RATE, frame_size=BLOCK)

@@ -1,0 +1,76 @@
+"""How a camera, a microphone or a loudspeaker is named: `[FORMAT:]ADDRESS [NAME=VALUE …]`, in FFmpeg's words.
+
+    /dev/video0                                    a camera of Linux
+    v4l2:/dev/video0 video_size=1280x720 input_format=mjpeg
+    rtsp://192.168.1.40/stream rtsp_transport=tcp  a camera of the network
+    alsa:default                                   the microphone, or the loudspeaker, of Linux
+    dshow:video=USB Camera                         a camera of Windows
+    talk.mp4                                       a file, played in real time, over and over
+
+What follows the address is given to FFmpeg as it is (https://ffmpeg.org/ffmpeg-devices.html).
+"""
+
+import re
+from dataclasses import dataclass, field
+from typing import Literal
+
+Kind = Literal["camera", "microphone", "loudspeaker"]
+
+DEVICES = frozenset({"v4l2", "alsa", "oss", "dshow", "avfoundation", "fbdev", "x11grab", "gdigrab"})
+SOUND_OUTPUTS = frozenset({"alsa", "oss"})
+GENERATORS = frozenset({"lavfi"})
+SCHEME = re.compile(r"^(rtsps?|rtmps?|https?|udp|tcp|rtp|srt)://", re.IGNORECASE)
+OPTION = re.compile(r"(?:\s+([a-z][a-z0-9_]*)=(\S+))$")
+DEFAULTS: dict[str, dict[str, str]] = {
+    # The driver's clock tells when a picture was taken; without it only its arrival is known.
+    "v4l2": {"ts": "abs", "video_size": "640x480", "framerate": "30"},
+    "rtsp": {"rtsp_transport": "tcp", "fflags": "nobuffer", "flags": "low_delay"},
+    "http": {"fflags": "nobuffer", "flags": "low_delay"},
+}
+
+
+class DeviceWordsError(ValueError):
+    """No device is named like this; the message is one sentence for the robot's owner."""
+
+
+@dataclass(frozen=True)
+class DeviceWords:
+    """One device. `format` is FFmpeg's, empty where the address tells it; `live` is what gives its own pace and cannot be begun anew."""
+
+    address: str
+    format: str = ""
+    options: dict[str, str] = field(default_factory=dict)
+    live: bool = True
+
+
+def read(words: str, kind: Kind) -> DeviceWords | None:
+    """Return the device that `words` name, None for an empty word and for `none`.
+
+    Raises:
+        DeviceWordsError: they name none.
+    """
+    rest, options = _options(words.strip())
+    if rest in {"", "none"}:
+        return None
+    known = DEVICES | GENERATORS
+    before, colon, after = rest.partition(":")
+    form, address = (before, after) if colon and before in known else ("", rest)
+    if not form and rest.startswith("/dev/video"):
+        form = "v4l2"
+    if not address:
+        raise DeviceWordsError(f"the {kind} {words!r} has no address after {form}:")
+    if kind == "loudspeaker" and form not in SOUND_OUTPUTS:
+        raise DeviceWordsError(f"the loudspeaker {words!r} is none: alsa:default, or another device of {' or '.join(sorted(SOUND_OUTPUTS))}")
+    found = SCHEME.match(address)
+    live = form in DEVICES or (not form and found is not None)
+    usual = DEFAULTS.get(form or (found.group(1).lower().rstrip("s") if found else ""), {}) if kind == "camera" else {}
+    return DeviceWords(address, form, {**usual, **options}, live)
+
+
+def _options(words: str) -> tuple[str, dict[str, str]]:
+    """Return what is before the options, and these; an address may have blanks in it."""
+    options: dict[str, str] = {}
+    while found := OPTION.search(words):
+        options[found.group(1)] = found.group(2)
+        words = words[: found.start()]
+    return words.strip(), options

@@ -1,0 +1,92 @@
+"""Messages on a stream between processes of one robot: four bytes of length, then MessagePack.
+
+What the messages are, each wire says for itself.
+"""
+
+import asyncio
+from collections.abc import AsyncIterator
+from typing import TypeVar
+
+import msgspec
+
+HEADER = 4  # bytes
+LIMIT = 8 << 20  # bytes of the largest message: a map, or a history of some minutes
+PIECE = 64 << 10  # bytes read at once
+Message = TypeVar("Message")
+
+_encoder = msgspec.msgpack.Encoder()
+
+
+class WireError(Exception):
+    """The other side said something that is no message."""
+
+
+def pack(message: msgspec.Struct) -> bytes:
+    """Return a message with its length in front."""
+    body = _encoder.encode(message)
+    return len(body).to_bytes(HEADER, "big") + body
+
+
+def length(header: bytes, limit: int = LIMIT) -> int:
+    """Return how many bytes follow a header.
+
+    Raises:
+        WireError: more than `limit`; whoever speaks here speaks another language.
+    """
+    size = int.from_bytes(header, "big")
+    if size > limit:
+        raise WireError(f"a message of {size} bytes")
+    return size
+
+
+def unpack(decoder: msgspec.msgpack.Decoder[Message], body: bytes) -> Message:
+    """Return a message of those that the decoder knows.
+
+    Raises:
+        WireError: it is none of them.
+    """
+    try:
+        return decoder.decode(body)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:  # a text that is none is told so by Python, not by msgspec
+        raise WireError(str(error)) from error
+
+
+def take(buffer: bytearray, limit: int = LIMIT) -> bytes | None:
+    """Take the first message off a buffer and return its bytes, None while not all of it is there.
+
+    Raises:
+        WireError: something else stands there.
+    """
+    if len(buffer) < HEADER:
+        return None
+    end = HEADER + length(bytes(buffer[:HEADER]), limit)
+    if len(buffer) < end:
+        return None
+    body = bytes(buffer[HEADER:end])
+    del buffer[:end]
+    return body
+
+
+async def read(reader: asyncio.StreamReader, limit: int = LIMIT) -> bytes:
+    """Wait for the next message and return its bytes.
+
+    Raises:
+        WireError: it is no message.
+        asyncio.IncompleteReadError, OSError: the connection ended.
+    """
+    return await reader.readexactly(length(await reader.readexactly(HEADER), limit))
+
+
+async def bodies(reader: asyncio.StreamReader, limit: int = LIMIT) -> AsyncIterator[bytes]:
+    """Yield the bytes of every message; those that arrive together wake the loop once, where `read` waits twice for each.
+
+    Raises:
+        WireError: one is no message.
+        asyncio.IncompleteReadError, OSError: the connection ended.
+    """
+    buffer = bytearray()
+    while piece := await reader.read(PIECE):
+        buffer += piece
+        while (body := take(buffer, limit)) is not None:
+            yield body
+    raise asyncio.IncompleteReadError(bytes(buffer), None)

@@ -1,0 +1,54 @@
+"""Which network a driver gets, and which of their messages it carries. Pure.
+
+A study's networks are those of one session: whoever drives next has a clean one, also when the server is late to say so. What the agent's
+command line says holds for everybody of whom the server says nothing. Without a driver there is no lab.
+"""
+
+from dataclasses import dataclass
+
+from robots.agent.permissions import Sender, mismatch, role_of
+from robots.api.messages import UNCONDITIONAL, Action, Cancel, Config, Lease, NetworkLab, VelocityCommand
+
+# These pass at once, whatever the network is: nobody is to wait for a robot to stop.
+NEVER_HELD: tuple[type[Action], ...] = (*UNCONDITIONAL, Cancel)
+
+
+@dataclass(frozen=True)
+class Networks:
+    """What is put on a driver's network: on the way of commands to the robot, and on that of its picture and sound to the page."""
+
+    control: NetworkLab | None = None
+    video: NetworkLab | None = None
+    session: str | None = None
+
+
+CLEAN = Networks()
+
+
+def in_force(lease: Lease | None, config: Config | None, own: Networks) -> Networks:
+    """Return the networks of whoever drives.
+
+    Args:
+        lease: the live one, or None.
+        config: what the server has set.
+        own: what the agent's command line says.
+    """
+    if lease is None:
+        return CLEAN
+    told = config is not None and config.network_session in {None, lease.session}
+    control = config.control_network if config is not None and told else None
+    video = config.video_network if config is not None and told else None
+    found = Networks(control or own.control, video or own.video, lease.session)
+    return CLEAN if found.control is None and found.video is None else found
+
+
+def is_held(message: VelocityCommand | Action, sender: Sender, lease: Lease | None) -> bool:
+    """Tell whether a message travels on the driver's network: their velocities and actions, but never what stops the robot.
+
+    What others send is not held, and takes no part in what is drawn for the driver's packets.
+    """
+    if lease is None or sender.retained or isinstance(message, NEVER_HELD):
+        return False
+    if isinstance(message, Action) and role_of(message, sender, lease) != "driver":
+        return False
+    return mismatch(message.session, message.epoch, sender, lease) is None

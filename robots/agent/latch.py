@@ -1,0 +1,42 @@
+"""The e-stop latch: once set it holds, across restarts of the agent, until the right person lets go of it."""
+
+from dataclasses import dataclass
+
+from robots.api.messages import ClearEStop
+
+BUTTON = "button"
+SCREEN = "screen"
+UNREADABLE = "unreadable"
+
+
+@dataclass(frozen=True)
+class Latch:
+    """A pressed e-stop: `source` is the role that asked, or `button` for the robot's own; `user` who; `stamp` Unix time."""
+
+    source: str
+    stamp: float
+    user: str = ""
+    detail: str = ""
+
+    @property
+    def label(self) -> str:
+        """Return what people read: source and user."""
+        return f"{self.source}:{self.user}" if self.user else self.source
+
+
+def stricter(held: Latch | None, new: Latch) -> Latch:
+    """Return the latch that counts when both were pressed: the robot's own button, else the first."""
+    if held is None or (new.source == BUTTON and held.source != BUTTON):
+        return new
+    return held
+
+
+def refusal(latch: Latch | None, action: ClearEStop, *, button_pressed: bool) -> str | None:
+    """Return in one word why this clear_estop (whose role and user were checked already) does not open the latch, or None."""
+    if button_pressed:
+        return "button_pressed"
+    if latch is not None and latch.source == BUTTON and action.role != "owner":
+        return "owner_only"
+    if action.role == SCREEN and (latch is None or latch.source != SCREEN):
+        return "not_yours"  # people at the robot let go of what people at the robot have pressed
+    return None

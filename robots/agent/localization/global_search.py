@@ -1,0 +1,141 @@
+"""Where on the whole map could this sweep have been seen? A search that is done in slices, so that no update of the filter waits.
+
+Coarse: a raster of poses over all free space, each judged by a few beams on a likelihood field so wide that the true pose cannot fall
+through the raster. Fine: the best of them, no two from the same spot, are matched to the map and judged thoroughly, with what lies
+between robot and wall. What comes out are all poses that explain the sweep nearly as well as the best one: rooms look alike.
+"""
+
+import math
+from collections.abc import Generator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from robots.agent.localization.field import Field
+from robots.agent.localization.particle_filter import wrapped
+from robots.agent.localization.scan_matching import Matching, refine
+from robots.agent.localization.sensor_model import LikelihoodField, SensorModel, Sweep, agreement, likelihood_field
+from robots.agent.world.sensing import Floats
+
+
+@dataclass(frozen=True)
+class Searching:
+    """`place` metres and `heading` radians of the raster, `sigma` metres of its likelihood, `beams` a pose is judged by.
+
+    `slice` is how many beams are looked up between two pauses; `finalists` poses are matched; `most` are returned, those whose share of
+    explained beams is at least the best one's less `margin`.
+    """
+
+    place: float = 0.25
+    heading: float = math.radians(6.0)
+    sigma: float = 0.25
+    beams: int = 40
+    slice: int = 400_000
+    finalists: int = 200
+    batch: int = 25
+    judged: int = 80
+    most: int = 60
+    margin: float = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Poses (n, 3) that explain a sweep, best first, and how well (n,): `Agreement.against_others`."""
+
+    poses: Floats
+    merit: Floats
+
+
+Search = Generator[None, None, Found]
+NOTHING = Found(np.zeros((0, 3)), np.zeros(0))
+_WEAK = np.diag([1.0, 1.0, 10.0])  # a prior that only keeps an undetermined match in place
+
+
+class GlobalSearch:
+    """Searches of one map."""
+
+    def __init__(self, field: Field, model: SensorModel, settings: Searching) -> None:
+        self.field, self.model, self.settings = field, model, settings
+        self.wide: LikelihoodField = likelihood_field(field, model, settings.sigma)
+        self.places = _free_places(field, settings.place)
+
+    def begin(self, sweep: Sweep) -> Search:
+        """Return a search of a sweep; every `next()` does a slice of it, and the last one's StopIteration carries what was found."""
+        if not len(sweep):
+            return NOTHING
+        coarse = yield from self._raster(sweep.thinned(self.settings.beams))
+        finalists = _apart(coarse, self.places, self.settings)
+        judged = sweep.thinned(self.settings.judged)
+        matched: list[Floats] = []
+        merits: list[Floats] = []
+        for start in range(0, len(finalists), self.settings.batch):
+            yield
+            poses = refine(self.field, finalists[start : start + self.settings.batch], judged.points, _WEAK, Matching(scale=0.3, rounds=12))
+            matched.append(poses)
+            merits.append(self._merit(poses, judged))
+        return _best(np.vstack(matched), np.concatenate(merits), self.settings)
+
+    def _raster(self, sweep: Sweep) -> Generator[None, None, Floats]:
+        """Return the log-likelihood (headings, places) of every pose of the raster."""
+        headings = np.arange(0.0, 2.0 * math.pi, self.settings.heading)
+        result = np.empty((len(headings), len(self.places)))
+        at_once = max(1, self.settings.slice // len(sweep))
+        done = 0
+        for row, heading in enumerate(headings):
+            for start in range(0, len(self.places), at_once):
+                places = self.places[start : start + at_once]
+                if done + len(places) > at_once:
+                    yield
+                    done = 0
+                done += len(places)
+                result[row, start : start + at_once] = self.wide.of(np.column_stack([places, np.full(len(places), heading)]), sweep)
+        return result
+
+    def _merit(self, poses: Floats, sweep: Sweep) -> Floats:
+        merit = agreement(self.field, self.model, poses, sweep).against_others
+        merit[~self.field.is_free(poses[:, 0], poses[:, 1])] = -1.0
+        return merit
+
+
+def _free_places(field: Field, spacing: float) -> Floats:
+    rows, columns = field.signed.shape
+    x, y = np.meshgrid(np.arange(spacing / 2, columns * field.resolution, spacing), np.arange(spacing / 2, rows * field.resolution, spacing))
+    free = field.is_free(x, y) & (field.signed[field.cells(x, y)] > spacing / 2)
+    places = np.column_stack([x[free], y[free]])
+    if len(places):
+        return places
+    row, column = np.nonzero(field.free)
+    return (np.column_stack([column, row]).astype(np.float64) + 0.5) * field.resolution
+
+
+def _apart(coarse: Floats, places: Floats, settings: Searching) -> Floats:
+    """Return the poses (n, 3), best first, of the best blocks of the raster, one of each: two places wide, three headings deep."""
+    block = np.floor(places / (2.0 * settings.place)).astype(np.int64) @ np.array([1, 1 << 20])
+    blocks = block[None, :] + (np.arange(len(coarse), dtype=np.int64)[:, None] // 3 << 40)
+    order = np.argsort(coarse, axis=None)[::-1]
+    _, first = np.unique(blocks.ravel()[order], return_index=True)
+    rows, columns = np.unravel_index(order[np.sort(first)[: settings.finalists]], coarse.shape)
+    return np.column_stack([places[columns], rows * settings.heading])
+
+
+def _thinned(poses: Floats, place: float, heading: float, most: int) -> npt.NDArray[np.intp]:
+    """Return the indices of poses (n, 3), best first, without those that are near a better one."""
+    open_ = np.ones(len(poses), dtype=np.bool_)
+    chosen: list[int] = []
+    for number in range(len(poses)):
+        if not open_[number]:
+            continue
+        chosen.append(number)
+        if len(chosen) == most:
+            break
+        offset = poses - poses[number]
+        open_ &= (np.hypot(offset[:, 0], offset[:, 1]) >= place) | (np.abs(wrapped(offset[:, 2])) >= heading)
+    return np.array(chosen, dtype=np.intp)
+
+
+def _best(poses: Floats, merits: Floats, settings: Searching) -> Found:
+    order = np.argsort(merits)[::-1]
+    order = order[merits[order] >= merits[order[0]] - settings.margin]
+    chosen = order[_thinned(poses[order], 0.3, math.radians(15.0), settings.most)]
+    return Found(poses[chosen], merits[chosen])

@@ -1,0 +1,59 @@
+"""Poses moved so that the beams' ends fall onto the map's surfaces: Gauss-Newton on the signed distance, many poses at once.
+
+The residual of a beam is the distance from its end to the nearest surface; what ends far from every surface is pulled by nothing
+(Geman-McClure weights), so that people and chairs do not bend the fit. A pose comes with what was known before as a prior: along a
+bare corridor the laser says nothing, and there the pose stays where the odometry had it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robots.agent.localization.field import Field
+from robots.agent.localization.sensor_model import placed
+from robots.agent.world.sensing import Floats
+
+SETTLED = 1e-3  # metres, or radians: no further round
+
+
+@dataclass(frozen=True)
+class Matching:
+    """`noise` of an end in metres, `scale` the distance in metres from which on a beam loses its say, `beams` a sweep is worth."""
+
+    noise: float = 0.04
+    scale: float = 0.15
+    beams: float = 25.0
+    rounds: int = 6
+
+
+def refine(field: Field, poses: Floats, points: Floats, prior: Floats, settings: Matching) -> Floats:
+    """Return poses (n, 3) moved onto the map.
+
+    Args:
+        field: the map.
+        poses: (n, 3) where to begin, and what `prior` speaks of.
+        points: (k, 2) ends of beams in the robot's frame, metres.
+        prior: (3, 3) information (inverse covariance) of every pose before the sweep.
+        settings: how much the beams say.
+    """
+    if not len(points):
+        return poses
+    found: Floats = poses.copy()
+    certainty = min(settings.beams / len(points), 1.0) / settings.noise**2
+    for _ in range(settings.rounds):
+        step = _step(field, poses, found, points, prior, certainty, settings.scale)
+        found += step
+        if np.abs(step).max() < SETTLED:
+            break
+    return found
+
+
+def _step(field: Field, start: Floats, poses: Floats, points: Floats, prior: Floats, certainty: float, scale: float) -> Floats:  # noqa: PLR0917
+    x, y = placed(points, poses)
+    distance, slope_x, slope_y = field.distances(x, y)
+    turning = slope_y * (x - poses[:, :1]) - slope_x * (y - poses[:, 1:2])
+    slopes = np.stack([slope_x, slope_y, turning], axis=2)
+    weighted = slopes * (certainty / (1.0 + (distance / scale) ** 2) ** 2)[:, :, None]
+    information = weighted.transpose(0, 2, 1) @ slopes + prior
+    pull = (weighted.transpose(0, 2, 1) @ distance[:, :, None])[:, :, 0] + (poses - start) @ prior
+    return np.asarray(-np.linalg.solve(information, pull[:, :, None])[:, :, 0], dtype=np.float64)

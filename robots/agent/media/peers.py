@@ -1,0 +1,86 @@
+"""Who is connected, and as what: decisions only.
+
+The lease says who drives, so it alone makes a peer the driver: one that was offered as driver and no longer holds the lease is
+an observer from that moment, and an observer who is given the lease drives without a new connection.
+"""
+
+from dataclasses import dataclass
+
+from robots.api.messages import Candidate, Role
+
+MAX_HELD_PEERS, MAX_HELD_CANDIDATES = 32, 32
+
+
+@dataclass(frozen=True)
+class Admission:
+    """The answer to an offer: whether it is let in, and the peer that must leave for it."""
+
+    admitted: bool
+    leaves: str | None = None
+
+
+class Roster:
+    """The peers in the order of their offers, their roles, and the driver that the lease names.
+
+    `limit` is how many may be connected at once; at least one, because the driver always finds room.
+    """
+
+    def __init__(self, limit: int) -> None:
+        self._limit = max(1, limit)
+        self._offered: dict[str, Role] = {}
+        self._driver: str | None = None
+
+    def admit(self, peer: str, role: Role) -> Admission:
+        """Decide about an offer of `peer` and note it when it is let in; an offer of a connected peer replaces its old one.
+
+        When all places are taken the offer of the driver, or of a screen, which is the robot's own, sends away the observer who came
+        last; for a driver a screen goes after the observers, and an earlier driver last of all.
+        """
+        others = [other for other in self._offered if other != peer]
+        leaves = None
+        if len(others) >= self._limit:
+            leaves = max(others, key=lambda other: (_EXPENDABLE[self.role(other)], others.index(other)))
+            makes_room = role == "driver" or peer == self._driver or (role == "screen" and self.role(leaves) != "driver")
+            if not makes_room:
+                return Admission(admitted=False)
+            del self._offered[leaves]
+        self._offered.pop(peer, None)
+        self._offered[peer] = role
+        return Admission(admitted=True, leaves=leaves)
+
+    def role(self, peer: str) -> Role:
+        """Return what `peer` is now: `driver` for the lease's peer alone."""
+        if peer == self._driver:
+            return "driver"
+        offered = self._offered.get(peer, "observer")
+        return "observer" if offered == "driver" else offered
+
+    def lease_changed(self, driver: str | None) -> None:
+        """Note who drives from now on; None is nobody."""
+        self._driver = driver
+
+    def leave(self, peer: str) -> None:
+        """Forget a peer."""
+        self._offered.pop(peer, None)
+
+
+_EXPENDABLE: dict[Role, int] = {"driver": 0, "screen": 1, "observer": 2}
+
+
+class HeldCandidates:
+    """Candidates that came before their offer, a bounded number for a bounded number of peers, oldest peer out first."""
+
+    def __init__(self) -> None:
+        self._held: dict[str, list[Candidate]] = {}
+
+    def hold(self, peer: str, candidate: Candidate) -> None:
+        """Keep a candidate for the offer to come."""
+        held = self._held.setdefault(peer, [])
+        if len(held) < MAX_HELD_CANDIDATES:
+            held.append(candidate)
+        if len(self._held) > MAX_HELD_PEERS:
+            del self._held[next(iter(self._held))]
+
+    def release(self, peer: str) -> list[Candidate]:
+        """Return and forget what was held for `peer`."""
+        return self._held.pop(peer, [])

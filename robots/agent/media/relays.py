@@ -1,0 +1,162 @@
+"""Which of the offered relays and address servers a robot reaches. aiortc takes one of each, and waits 5 s for one that is silent.
+
+All are tried at once: relays by asking for a relayed address and giving it back, address servers (STUN) by asking for ours. The first of the
+list that answers counts (UDP before TCP before TLS, as the server names them); a later one has to be quick only when the earlier ones are
+silent. What was found holds for some minutes, so that only the first visitor of a robot waits.
+"""
+
+import asyncio
+import contextlib
+import logging
+import socket
+import time
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from aioice import stun, turn
+from aiortc import RTCIceServer
+from aiortc.rtcicetransport import connection_kwargs
+
+from robots.api.messages import IceServer
+
+log = logging.getLogger(__name__)
+
+ANSWER_TIME = 1.5  # s for a relay to answer; one at the other end of the world needs two round trips of 0.3 s
+ASK_AGAIN = 0.3  # s, for a question that was lost on the way
+HEAD_START = 0.25  # s for an earlier address when a later one has answered
+HOLDS, FAILURE_HOLDS = 300.0, 20.0  # s
+FAILURES = (OSError, TimeoutError, ValueError, stun.TransactionError)
+
+Probe = Callable[[RTCIceServer], Awaitable[bool]]
+
+
+async def answers(server: RTCIceServer) -> bool:
+    """Tell whether the server's only address answers: a relay with a relayed address, an address server with anything."""
+    try:
+        asked = connection_kwargs([server])
+        async with asyncio.timeout(ANSWER_TIME):
+            if "turn_server" in asked:
+                await _relayed(asked)
+            elif "stun_server" in asked:
+                await _told(asked["stun_server"])
+            else:
+                return False
+    except FAILURES as error:
+        log.info("relay_silent address=%s reason=%s", server.urls[0], error or type(error).__name__)
+        return False
+    return True
+
+
+async def _relayed(asked: dict[str, Any]) -> None:
+    transport, _ = await turn.create_turn_endpoint(
+        asyncio.DatagramProtocol,
+        server_addr=asked["turn_server"],
+        username=asked["turn_username"],
+        password=asked["turn_password"],
+        ssl=asked["turn_ssl"],
+        transport=asked["turn_transport"],
+    )
+    transport.close()
+
+
+async def _told(server: tuple[str, int]) -> None:
+    loop = asyncio.get_running_loop()
+    answer: asyncio.Future[None] = loop.create_future()
+    transport, _ = await loop.create_datagram_endpoint(lambda: _Ear(answer), remote_addr=server, family=socket.AF_INET)
+    question = bytes(stun.Message(message_method=stun.Method.BINDING, message_class=stun.Class.REQUEST))
+    try:
+        while not answer.done():
+            transport.sendto(question)
+            await asyncio.wait([answer], timeout=ASK_AGAIN)
+        answer.result()
+    finally:
+        transport.close()
+
+
+class _Ear(asyncio.DatagramProtocol):
+    """Notes the first answer: the socket is joined to one server, so that nobody else is heard."""
+
+    def __init__(self, answer: "asyncio.Future[None]") -> None:
+        self._answer = answer
+
+    def datagram_received(self, data: bytes, addr: object) -> None:  # noqa: ARG002 -- asyncio's signature
+        if not self._answer.done():
+            self._answer.set_result(None)
+
+    def error_received(self, exc: Exception) -> None:
+        if not self._answer.done():
+            self._answer.set_exception(exc)
+
+
+class Relays:
+    """What is known of relays and address servers. Belongs to the media loop.
+
+    Args:
+        probe: finds out whether one answers.
+        clock: monotonic seconds.
+    """
+
+    def __init__(self, probe: Probe = answers, clock: Callable[[], float] = time.monotonic) -> None:
+        self._probe, self._clock = probe, clock
+        self._known: dict[str, tuple[float, bool]] = {}
+        self._tries: dict[str, asyncio.Task[bool]] = {}
+
+    async def usable(self, servers: tuple[IceServer, ...]) -> list[RTCIceServer]:
+        """Return the servers for aiortc: of the address servers and of the relays the one to use, if any answers."""
+        tellers, relays = _split(servers)
+        told = [self._ask(teller) for teller in tellers]
+        relay = await self._first(relays)
+        # An address is told in one message to and fro, and a relay takes two or more: who is silent until then stays so.
+        await _wait_for_one(told, HEAD_START if relay else None)
+        teller = next((teller for teller, task in zip(tellers, told, strict=True) if _says_yes(task)), None)
+        return [server for server in (teller, relay) if server is not None]
+
+    def doubt(self) -> None:
+        """Forget what was found: it took as long as if it were no longer so."""
+        self._known.clear()
+
+    async def _first(self, relays: list[RTCIceServer]) -> RTCIceServer | None:
+        asked = [self._ask(relay) for relay in relays]
+        await _wait_for_one(asked, None)
+        quickest = next((index for index, task in enumerate(asked) if _says_yes(task)), 0)
+        await _wait_for_one(asked[:quickest], HEAD_START)
+        return next((relay for relay, task in zip(relays, asked, strict=True) if _says_yes(task)), None)
+
+    def _ask(self, server: RTCIceServer) -> "asyncio.Task[bool]":
+        url = server.urls[0]
+        running = self._tries.get(url)
+        if running is None:
+            running = self._tries[url] = asyncio.ensure_future(self._find_out(server))
+            running.add_done_callback(lambda _: self._tries.pop(url, None))
+        return running
+
+    async def _find_out(self, server: RTCIceServer) -> bool:
+        url, now = server.urls[0], self._clock()
+        when, reachable = self._known.get(url, (float("-inf"), False))
+        if now - when > (HOLDS if reachable else FAILURE_HOLDS):
+            reachable = await self._probe(server)
+            self._known[url] = (self._clock(), reachable)
+        return reachable
+
+
+def _says_yes(task: "asyncio.Task[bool]") -> bool:
+    return task.done() and task.result()
+
+
+async def _wait_for_one(tasks: list["asyncio.Task[bool]"], seconds: float | None) -> None:
+    """Wait until one of them says yes, none is left that could, or the time is over."""
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(seconds):
+            while not any(_says_yes(task) for task in tasks) and (silent := [task for task in tasks if not task.done()]):
+                await asyncio.wait(silent, return_when=asyncio.FIRST_COMPLETED)
+
+
+def _split(servers: tuple[IceServer, ...]) -> tuple[list[RTCIceServer], list[RTCIceServer]]:
+    """Return (address servers, relays), one address each."""
+    tellers: list[RTCIceServer] = []
+    relays: list[RTCIceServer] = []
+    for server in servers:
+        for url in server.urls:
+            one = RTCIceServer(urls=[url], username=server.username or None, credential=server.credential or None)
+            (relays if url.startswith(("turn:", "turns:")) else tellers).append(one)
+    return tellers, relays

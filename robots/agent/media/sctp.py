@@ -1,0 +1,30 @@
+# ruff: noqa: SLF001 -- private names of aiortc as in aiortc_hooks.py, which checks that they are there
+"""Data channels over a network that loses packets: how often a page is told which messages it need not wait for.
+
+A message that is not sent again leaves a gap, and a FORWARD TSN (RFC 3758) tells the receiver to step over it. aiortc says so in answer to
+every SACK that does not know it yet, and the receiver answers every one with a SACK: where a full queue makes the way half a second long,
+some hundred of each are under way at any moment, more with each message, and they are what fills the queue.
+"""
+
+import time
+from typing import Any
+
+SAY_AGAIN = 0.25  # s; unordered messages are handed over as they come, so nothing waits for it
+
+
+def calm(transport: Any) -> None:
+    """Have an `RTCSctpTransport` tell its receiver at most every `SAY_AGAIN` s what to step over."""
+    update = transport._update_advanced_peer_ack_point
+    said = float("-inf")
+
+    def update_seldom() -> None:
+        nonlocal said
+        update()
+        if transport._forward_tsn_chunk is not None:
+            now = time.monotonic()
+            if now - said < SAY_AGAIN:
+                transport._forward_tsn_chunk = None
+            else:
+                said = now
+
+    transport._update_advanced_peer_ack_point = update_seldom

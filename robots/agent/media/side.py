@@ -1,0 +1,299 @@
+"""The media side of an agent: camera and microphone out, data channels both ways, in a thread and a loop of its own.
+
+The control loop must run when nothing else does, so nothing here shares its thread: it hands signals and telemetry in, and hears
+frames and answers through callbacks that run on the media loop and must return at once. Reading and encoding happen in capture
+threads, off this loop too, so that a frame on a data channel never waits for a picture.
+"""
+
+import asyncio
+import functools
+import logging
+import random
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from robots.agent.adapters.contract import FROM_PAGE, AudioSource, Frame, FromPage, Outputs, VideoSource
+from robots.agent.lab.timed import TimedLine
+from robots.agent.media import aiortc_hooks
+from robots.agent.media.camera import CameraFeed
+from robots.agent.media.capture import CaptureState
+from robots.agent.media.connections import Connections
+from robots.agent.media.encoder import Picture
+from robots.agent.media.microphone import MicrophoneFeed
+from robots.agent.media.outputs import OutputFeed
+from robots.agent.media.page_sources import PageCamera, PageMicrophone
+from robots.agent.media.relays import Relays
+from robots.agent.media.rtp import RtpClock
+from robots.agent.media.sdp import Kind
+from robots.agent.media.slow_pictures import SlowPictures
+from robots.agent.media.telemetry import for_page
+from robots.agent.media.viewer import Viewer
+from robots.agent.media.visitor import VisitorMedia
+from robots.api.codec import encode_frame
+from robots.api.messages import Heartbeat, LabReport, Message, NetworkLab, PictureRequest, Role, Signal, SignalReply
+
+log = logging.getLogger(__name__)
+
+HOUSEKEEPING = 1.0  # s
+CLOSE_TIMEOUT = 5.0  # s
+
+
+class MediaSide:
+    """Everything that travels over WebRTC, and its substitute. All methods may be called from any thread.
+
+    Args:
+        video: the driving camera, FROM_PAGE where the page of the robot's own screen gives the picture, or None.
+        audio: the microphone, likewise.
+        viewers: how many pages may be connected at once; the driver always finds room.
+        on_frame: called on the media loop with (peer, its role at this moment, frame) for every frame on a data channel that
+            is not oversized and not too fast; what an observer sends comes too, for the control side to refuse and count.
+        reply: called on the media loop with (peer, message) for the page.
+        on_picture: called in a thread of its own, or on the media loop, with each picture for pages that WebRTC does not reach and the
+            one peer that it is for, None for all who have asked; without it they get none.
+        outputs: the robot's own loudspeaker and display.
+    """
+
+    def __init__(
+        self,
+        *,
+        video: VideoSource | FromPage | None,
+        audio: AudioSource | FromPage | None,
+        viewers: int,
+        on_frame: Callable[[str, Role, str | bytes], None],
+        reply: Callable[[str, SignalReply], None],
+        on_picture: Callable[[bytes, str | None], None] | None = None,
+        outputs: Outputs = (None, None),
+    ) -> None:
+        aiortc_hooks.install()
+        self._on_frame = on_frame
+        self._pages = Connections(viewers, self._viewer_for, reply, self._lead)
+        self._relays = Relays()
+        clock = RtpClock(origin=random.randrange(1 << 32))  # noqa: S311 -- RFC 3550 wants it random, SRTP does not depend on it
+        self._camera: CameraFeed | PageCamera | None = None
+        if video == FROM_PAGE:
+            self._camera = PageCamera(lambda: self._post(self._pages.ask_screens), self._pages.show)
+        elif video is not None:
+            self._camera = CameraFeed(video, clock, self._picture_from_camera)
+        self._microphone: MicrophoneFeed | PageMicrophone | None = None
+        if audio == FROM_PAGE:
+            self._microphone = PageMicrophone(self._pages.sound)
+        elif audio is not None:
+            self._microphone = MicrophoneFeed(audio, self._sound_from_microphone)
+        self._on_picture = on_picture
+        self._line: TimedLine | None = None  # what is put on the driver's picture and sound
+        self._slow = SlowPictures(self._camera.snapshot, self._send_slow, self._pages.drives) if self._camera and on_picture else None
+        self._outputs = OutputFeed(*outputs) if any(outputs) else None
+        pages = self._pages
+        self._visitor = VisitorMedia(
+            drives=pages.drives, ask=pages.ask_driver, show=pages.show_at_robot, sound=pages.sound_at_robot, outputs=self._outputs
+        )  # fmt: skip
+        self._thread = threading.Thread(target=self._run, name="media", daemon=True)
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._ready = threading.Event()
+        self._closing: asyncio.Event | None = None
+
+    # --- for the control side, any thread ------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Start the media thread; returns when it takes signals."""
+        self._thread.start()
+        self._ready.wait()
+
+    def close(self) -> None:
+        """Say goodbye to every page, stop camera and microphone, end the thread; waits at most some seconds. Idempotent."""
+        self._post(self._set_closing)
+        if self._slow is not None:
+            self._slow.close()
+        if self._thread.is_alive():
+            self._thread.join(CLOSE_TIMEOUT)
+
+    def signal(self, peer: str, message: Signal) -> None:
+        """Take an offer, candidate or bye of a page."""
+        self._post(self._pages.take_signal, peer, message)
+
+    def lease_changed(self, driver_peer: str | None) -> None:
+        """Say which peer the lease names; every other one is an observer from now on, None means that nobody drives."""
+        # At once and not through the loop: the next frame of the old driver must already come as an observer's.
+        self._pages.lease_changed(driver_peer)
+        self._post(self._lead)
+
+    def impair(self, lab: NetworkLab | None) -> None:
+        """Put this on the driver's picture and sound from now on, or nothing; nobody else's are touched."""
+        self._post(self._put_on, lab)
+
+    def let_through(self, *, audio: bool, video: bool, volume: float = 1.0) -> None:
+        """Let the driver's voice and face through to the people at the robot from now on, or not; `volume` is a share of the robot's own."""
+        self._visitor.let_through(audio=audio, video=video, volume=volume)
+
+    def telemetry(self, suffix: str, message: Message) -> None:
+        """Send a message to every page that is connected; dropped for a page that is behind."""
+        if self._pages.is_empty:
+            return
+        if isinstance(message, Heartbeat):
+            self._post(self._pages.send_heartbeat, suffix, message)
+        else:
+            self._post(self._pages.send, encode_frame(suffix, for_page(message)))
+
+    def picture_wanted(self, request: PictureRequest) -> None:
+        """Send one more picture through the server, for a page that WebRTC does not reach; nothing happens without a camera."""
+        if self._slow is not None:
+            self._slow.ask(request.peer, request)
+
+    def snapshot(self) -> Frame | None:
+        """Return a fresh frame of the camera, started for it if need be; None when there is none. Blocks up to 3 s."""
+        return self._camera.snapshot() if self._camera else None
+
+    @property
+    def connected(self) -> int:
+        """Return how many pages are connected, or are sent pictures through the server."""
+        slow = self._slow.watching() if self._slow is not None else frozenset()
+        return len(self._pages.connected() | slow)
+
+    @property
+    def screens(self) -> int:
+        """Return how many of the robot's own displays are connected."""
+        return self._pages.screens
+
+    @property
+    def visitor_counts(self) -> dict[str, int]:
+        """Return what came of the visitor's media: sounds and pictures let through, and what was not, by reason."""
+        return dict(self._visitor.counts)
+
+    @property
+    def camera(self) -> CaptureState | None:
+        """Return how the camera is, None when the robot has none."""
+        return self._camera.state if self._camera else None
+
+    @property
+    def microphone(self) -> CaptureState | None:
+        """Return how the microphone is, None when the robot has none."""
+        return self._microphone.state if self._microphone else None
+
+    @property
+    def network(self) -> LabReport | None:
+        """Return what is put on the driver's picture and sound, and what became of their packets; None while nothing is."""
+        line = self._line
+        return line.report() if line is not None else None
+
+    def statistics(self) -> dict[str, dict[str, int | None]]:
+        """Return counts for each peer: see `Viewer.statistics`."""
+        return self._pages.statistics()
+
+    # --- the thread ----------------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        asyncio.run(self._main())
+
+    async def _main(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._closing = asyncio.Event()
+        self._start_feeds()
+        if self._outputs is not None:
+            self._outputs.start()
+        self._ready.set()
+        while not self._closing.is_set():
+            await self._housekeeping()
+        await self._pages.close()
+        for feed in (self._camera, self._microphone):
+            if feed is not None:
+                await asyncio.to_thread(feed.close)
+        if self._outputs is not None:
+            await asyncio.to_thread(self._outputs.close)
+
+    def _post(self, call: Callable[..., None], *args: Any) -> None:
+        """Run `call` on the media loop; nothing happens when there is none yet, or none any more."""
+        if self._loop is None:
+            return
+        try:
+            self._loop.call_soon_threadsafe(call, *args)
+        except RuntimeError:
+            log.debug("media_side_closed")
+
+    def _set_closing(self) -> None:
+        assert self._closing is not None
+        self._closing.set()
+
+    def _start_feeds(self) -> None:
+        for feed in (self._camera, self._microphone):
+            if feed is not None:
+                feed.start()
+
+    async def _housekeeping(self) -> None:
+        assert self._closing is not None
+        try:
+            await asyncio.wait_for(self._closing.wait(), HOUSEKEEPING)
+        except TimeoutError:
+            self._start_feeds()
+            self._pages.end_lost(time.monotonic())
+
+    # --- pages, on the media loop --------------------------------------------------------------------------------
+
+    def _viewer_for(self, peer: str, role: Role, source: str, on_end: Callable[[], None]) -> Viewer:
+        """Return the connection of a page: displays see and hear the visitor, everybody else the robot."""
+        is_screen = role == "screen"
+        return Viewer(
+            peer,
+            camera=self._visitor if is_screen else self._camera,
+            microphone=self._visitor if is_screen else self._microphone,
+            on_frame=lambda frame: self._on_frame(peer, self._pages.role(peer), frame),
+            on_end=on_end,
+            on_media=self._listener_to(peer, source, role),
+            relays=self._relays,
+        )
+
+    def _listener_to(self, peer: str, source: str, role: Role) -> Callable[[Kind, bytes, int], None] | None:
+        """Return who takes what a page sends, None when nobody does."""
+        if role == "driver":
+            return functools.partial(self._visitor.take, peer, source)
+        gives = isinstance(self._camera, PageCamera) or isinstance(self._microphone, PageMicrophone)
+        return functools.partial(self._take_from_page, source) if role == "screen" and gives else None
+
+    def _take_from_page(self, source: str, kind: Kind, data: bytes, ticks: int) -> None:
+        """Take what the page of the robot's screen gives; of two such pages the newer."""
+        if source != self._pages.newest_screen:
+            return
+        if kind == "video" and isinstance(self._camera, PageCamera):
+            self._camera.take(source, data, ticks)
+        elif kind == "audio" and isinstance(self._microphone, PageMicrophone):
+            self._microphone.take(source, data, ticks)
+
+    def _picture_from_camera(self, picture: Picture) -> None:
+        self._post(self._pages.show, picture)
+
+    def _sound_from_microphone(self, payload: bytes, ticks: int) -> None:
+        self._post(self._pages.sound, payload, ticks)
+
+    # --- the network lab, on the media loop ----------------------------------------------------------------------
+
+    def _put_on(self, lab: NetworkLab | None) -> None:
+        if self._line is not None:
+            self._line.close()
+        self._line = TimedLine(lab) if lab is not None else None
+        if self._slow is not None:
+            self._slow.expect(lab.delay if lab is not None else 0.0)
+        self._lead()
+
+    def _lead(self) -> None:
+        self._pages.lead(self._line)
+
+    def _send_slow(self, payload: bytes, peers: frozenset[str]) -> None:
+        """Send a picture through the server to those who wait for it; in the pictures' thread."""
+        assert self._on_picture is not None
+        if self._line is None:
+            self._on_picture(payload, None)
+            return
+        # Each gets a copy of their own, so that the driver's can be lost or late and nobody else's is.
+        for peer in sorted(peers):
+            if self._pages.drives(peer):
+                self._post(self._send_slow_to_driver, payload, peer)
+            else:
+                self._on_picture(payload, peer)
+
+    def _send_slow_to_driver(self, payload: bytes, peer: str) -> None:
+        assert self._on_picture is not None
+        if self._line is None:
+            self._on_picture(payload, peer)
+        else:
+            self._line.offer(len(payload), functools.partial(self._on_picture, payload, peer))

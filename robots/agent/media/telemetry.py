@@ -1,0 +1,32 @@
+"""What a page is told of a state or a pose: enough to draw and to explain it, and no more than a narrow network carries."""
+
+from typing import Any, TypeVar
+
+import msgspec
+
+from robots.api.messages import Message, Pose, PoseUpdate, State
+
+S = TypeVar("S", bound=msgspec.Struct)
+DIGITS = 4  # tenths of a millimetre, and of a thousandth of a radian
+
+
+def for_page(message: Message) -> Message:
+    """Return the message with rounded pose and velocity, and of the commands that reached the wheels the newest alone.
+
+    The record, which goes to the broker, has them all: five a state are more than the rest of it.
+    """
+    if isinstance(message, State):
+        message = msgspec.structs.replace(message, applied=tuple(map(_rounded, message.applied[-1:])))
+    if isinstance(message, State | PoseUpdate):
+        return msgspec.structs.replace(message, pose=_pose(message.pose), velocity=_rounded(message.velocity))
+    return message
+
+
+def _pose(pose: Pose) -> Pose:
+    covariance = pose.covariance and tuple(round(value, 2 * DIGITS) for value in pose.covariance)
+    return msgspec.structs.replace(_rounded(pose), covariance=covariance)
+
+
+def _rounded(struct: S) -> S:
+    floats: dict[str, Any] = {name: round(value, DIGITS) for name, value in msgspec.structs.asdict(struct).items() if isinstance(value, float)}
+    return msgspec.structs.replace(struct, **floats)

@@ -1,0 +1,71 @@
+"""Speed ramps: how fast a velocity may change, and how large it may be. Pure, per axis, in SI units."""
+
+import math
+from dataclasses import dataclass
+
+from robots.api.messages import AssistLevel, LeaseLimits, Limits, Velocity
+
+ZERO = Velocity(linear=0.0, angular=0.0)
+
+# With assistance the robot keeps this much room (m) and never asks the visitor to creep slower than this (m/s).
+ASSIST_MARGIN = 0.05
+ASSIST_CREEP = 0.1
+
+
+@dataclass(frozen=True)
+class Caps:
+    """The largest speeds allowed right now: forward and backward in m/s, turning in rad/s, none negative."""
+
+    linear: float
+    reverse: float
+    angular: float
+
+    def clamp(self, velocity: Velocity, scale: float = 1.0) -> Velocity:
+        """Return the velocity inside these caps, each multiplied by `scale` (0 to 1)."""
+        return Velocity(
+            linear=min(max(velocity.linear, -self.reverse * scale), self.linear * scale),
+            angular=min(max(velocity.angular, -self.angular * scale), self.angular * scale),
+        )
+
+
+def caps(limits: Limits, lease: LeaseLimits | None, assist_linear: float | None = None) -> Caps:
+    """Return the smallest of what the robot, the lease and the assistance allow."""
+    linear = min((limit for limit in (lease.linear if lease else None, assist_linear) if limit is not None), default=math.inf)
+    angular = math.inf if lease is None or lease.angular is None else lease.angular
+    return Caps(min(limits.linear, linear), min(limits.reverse, linear), min(limits.angular, angular))
+
+
+def assist_speed(level: AssistLevel, clearance: float | None, limits: Limits) -> float | None:
+    """Return the speed in m/s from which the robot can stop within its clearance, None when nobody assists.
+
+    Without a measured clearance (m) half of the robot's own limit.
+    """
+    if level == "off":
+        return None
+    if clearance is None:
+        return limits.linear / 2
+    return max(ASSIST_CREEP, float((2 * limits.linear_braking * max(0.0, clearance - ASSIST_MARGIN)) ** 0.5))
+
+
+def ramp(current: Velocity, target: Velocity, limits: Limits, *, dt: float, dt_up: float) -> Velocity:
+    """Return the velocity `dt` seconds after `current` on the way to `target`.
+
+    Getting slower is bounded by the braking limits over `dt`, getting faster by the acceleration limits over `dt_up` <= `dt`.
+    """
+    return Velocity(
+        linear=approach(current.linear, target.linear, limits.linear_acceleration, limits.linear_braking, dt=dt, dt_up=dt_up),
+        angular=approach(current.angular, target.angular, limits.angular_acceleration, limits.angular_braking, dt=dt, dt_up=dt_up),
+    )
+
+
+def approach(value: float, target: float, acceleration: float, braking: float, *, dt: float, dt_up: float) -> float:
+    """Return one axis of `ramp`."""
+    sign = 1.0 if value > 0 or (value == 0 and target >= 0) else -1.0
+    speed, goal = abs(value), max(0.0, target * sign)
+    if goal < speed:
+        slower = max(goal, speed - braking * dt)
+        if slower > goal or goal == target * sign:
+            return sign * slower + 0.0  # never -0.0, which JSON would show
+        # Reversing: what is left of the time after standing still goes into the other direction.
+        return approach(0.0, target, acceleration, braking, dt=dt, dt_up=max(0.0, dt_up - speed / braking))
+    return sign * min(goal, speed + acceleration * dt_up)

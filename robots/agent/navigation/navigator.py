@@ -1,0 +1,242 @@
+"""Going to places, along lines, into the charging station and out of it: one task at a time, stepped 10 to 20 times a second.
+
+Pure: no clock, no thread. Before every step the navigator makes sure that the robot sees, knows where it is and can move; a task
+that cannot go on ends with one sentence that says why, and with the robot standing.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from robots.agent.motion import ZERO
+from robots.agent.navigation.braking import BrakeCheck, Hazards
+from robots.agent.navigation.costmap import CostMap, NoWayError
+from robots.agent.navigation.docking import Docking, Undocking
+from robots.agent.navigation.journey import Journey
+from robots.agent.navigation.obstacles import sees
+from robots.agent.navigation.passers import Passers
+from robots.agent.navigation.path import resampled
+from robots.agent.navigation.planner import Planner
+from robots.agent.navigation.steps import Sense, Step, failed
+from robots.agent.navigation.surroundings import Surroundings, moved
+from robots.agent.navigation.wheels import WheelWatch
+from robots.agent.navigation.whereabouts import Whereabouts
+from robots.agent.world.grid import OccupancyGrid
+from robots.agent.world.sensing import Beams, Estimate, Floats
+from robots.api.floorplan import FloorPlan
+from robots.api.geometry import Pose2D
+from robots.api.messages import Limits, Velocity
+
+BLIND, BLIND_FOR_GOOD = 0.5, 2.5  # age of the newest sweep with which the robot stops, and gives up: seconds
+LOST_FOR_GOOD = 4.0  # seconds
+DRAWN_SPACING = 0.4  # points of a drawn line are taken so far apart: metres
+
+
+class Navigator:
+    """The tasks of one robot on one map.
+
+    Args:
+        grid: the map.
+        plan: names of doors, rooms and places, and the charging stations; None when there is only a map.
+        footprint: convex polygon (n, 2) in the robot's frame, counter-clockwise, metres.
+        limits: speeds and accelerations; may be replaced between tasks.
+        series: which charging stations are the robot's.
+
+    Raises:
+        NoWayError: the map has no free space.
+    """
+
+    def __init__(self, grid: OccupancyGrid, plan: FloorPlan | None, footprint: Floats, limits: Limits, series: str) -> None:
+        self.plan, self.limits, self.series = plan, limits, series
+        self._costmap = CostMap(grid, np.asarray(footprint, dtype=np.float64))
+        self._planner = Planner(self._costmap)
+        self._surroundings = Surroundings(self._costmap, plan)
+        self._check = BrakeCheck(self._costmap.footprint, limits)
+        self._whereabouts = Whereabouts()
+        self._wheels = WheelWatch()
+        self._task: Journey | Docking | Undocking | None = None
+        self._then: Journey | None = None
+        self._beams: Beams | None = None
+        self._walkers: Floats = np.zeros((0, 2))
+        self._passers = Passers()
+        self._last = Step(None, "FINISHED")
+        self._asked = ZERO
+        self._now = 0.0
+        self._lost_since: float | None = None
+        self._began: float | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Tell whether a task is going on."""
+        return self._task is not None
+
+    @property
+    def closed_doors(self) -> tuple[str, ...]:
+        """The names of the doors that were seen closed."""
+        return tuple(door.name for door in self._surroundings.doors.closed(self._now))
+
+    # --- tasks --------------------------------------------------------------------------------------------------------
+
+    def goto(self, x: float, y: float, theta: float | None = None) -> None:
+        """Go to a point, to end with a heading or with any.
+
+        Raises:
+            NoWayError: nothing stands free there.
+        """
+        if theta is not None and not math.isfinite(theta):
+            raise NoWayError("the heading of the goal is not a number")
+        self._begin(self._journey([self._planner.goal(x, y)], theta))
+
+    def goto_place(self, name: str) -> None:
+        """Go to a named place of the plan.
+
+        Raises:
+            NoWayError: the plan knows no such place, or nothing stands free there.
+        """
+        place = next((place for place in (self.plan.places if self.plan else ()) if place.name == name), None)
+        if place is None:
+            raise NoWayError(f"the plan knows no place {name!r}")
+        self.goto(place.x, place.y, place.theta)
+
+    def follow(self, points: Sequence[tuple[float, float]]) -> None:
+        """Drive along a drawn line to its end; where it leads through things, round them.
+
+        Raises:
+            NoWayError: less than two points, no numbers, or an end where the robot does not fit.
+        """
+        line = np.array(points, dtype=np.float64).reshape(-1, 2)
+        if len(line) < 2 or not np.isfinite(line).all():  # noqa: PLR2004
+            raise NoWayError("a line needs two points or more")
+        end = self._planner.goal(float(line[-1, 0]), float(line[-1, 1]))
+        drawn = resampled(line, DRAWN_SPACING)[:-1]
+        fits = self._costmap.sample(self._costmap.clearance, drawn) >= self._costmap.least
+        self._begin(self._journey([*((float(x), float(y)) for x, y in drawn[fits]), end], None))
+
+    def dock(self) -> None:
+        """Go to the robot's charging station and into it.
+
+        Raises:
+            NoWayError: there is none on the plan, or no room before it.
+        """
+        dock = self.plan.dock_of(self.series) if self.plan else None
+        if dock is None:
+            raise NoWayError(f"no charging station for {self.series} is known")
+        self._begin(Docking(dock, self._check, self.limits, self._approach))
+
+    def undock(self) -> None:
+        """Back out of the charging station."""
+        self._begin(self._undocking())
+
+    def cancel(self) -> None:
+        """End the task; the next step brakes."""
+        if self._task is not None:
+            self._task, self._then = None, None
+            self._last = Step(None, "FAILED", "cancelled")
+
+    def forget(self) -> None:
+        """Forget what was seen that is not on the map: the robot has been carried away, or was given another pose."""
+        self._surroundings.forget()
+
+    # --- steps --------------------------------------------------------------------------------------------------------
+
+    def step(
+        self, *, estimate: Estimate, odometry: Pose2D, velocity: Velocity, points: Floats, beams: Beams | None, docked: bool, now: float,
+    ) -> Step:  # fmt: skip
+        """Return what to do now; call it while idle too, so that the robot knows what stands about.
+
+        Args:
+            estimate: the newest pose on the map.
+            odometry: the pose by the wheels, now.
+            velocity: how the robot moves now.
+            points: (n, 2) what stands about, remembered, in the robot's frame now.
+            beams: the newest sweep; its stamp and that of the estimate are by the same clock as `now`.
+            docked: the contacts of the charging station meet.
+            now: seconds.
+        """
+        self._now = now
+        self._whereabouts.take(now, odometry, estimate)
+        if beams is not None and (self._beams is None or beams.stamp > self._beams.stamp):
+            self._beams = beams
+            self._look(beams, now, localized=estimate.localized)
+        if self._task is None:
+            return self._idle(velocity)
+        self._began = now if self._began is None else self._began
+        step = self._halted(estimate, odometry, now) or self._carry_on(odometry, velocity, points, docked=docked, now=now)
+        return self._take(step)
+
+    def _begin(self, task: Journey | Docking | Undocking) -> None:
+        self._task, self._then, self._began, self._lost_since = task, None, None, None
+        self._wheels = WheelWatch()
+
+    def _journey(self, over: list[tuple[float, float]], heading: float | None) -> Journey:
+        return Journey(self._surroundings, self._planner, self._check, self.limits, self.plan, over=over, heading=heading)
+
+    def _approach(self, pose: Pose2D) -> Journey:
+        return self._journey([self._planner.goal(pose.x, pose.y)], pose.theta)
+
+    def _undocking(self) -> Undocking:
+        dock = self.plan.dock_of(self.series) if self.plan else None
+        return Undocking(dock, self._check, self.limits, self._costmap.circumscribed)
+
+    def _idle(self, velocity: Velocity) -> Step:
+        standing = velocity == ZERO and self._asked == ZERO
+        self._asked = ZERO
+        return Step(None if standing else ZERO, self._last.status, self._last.reason)
+
+    def _halted(self, estimate: Estimate, odometry: Pose2D, now: float) -> Step | None:
+        """Return why the robot must stand now, whatever it is doing; None when nothing is amiss."""
+        assert self._began is not None
+        seen = self._beams.stamp if self._beams is not None and sees(self._beams) else self._began - BLIND
+        if now - seen > BLIND_FOR_GOOD:
+            return failed("the laser is silent" if self._beams is None or sees(self._beams) else "the laser sees nothing")
+        if now - seen > BLIND:
+            return Step(ZERO, "RUNNING", "waits for the laser")
+        if estimate.localized or not self._task_needs_map():
+            self._lost_since = None
+        else:
+            self._lost_since = now if self._lost_since is None else self._lost_since
+            if now - self._lost_since > LOST_FOR_GOOD:
+                return failed("the robot has lost where it is on the map")
+            return Step(ZERO, "RUNNING", "the robot does not know where it is")
+        if self._wheels.stuck(self._asked, odometry, now):
+            return failed("the wheels do not turn")
+        return None
+
+    def _task_needs_map(self) -> bool:
+        return isinstance(self._task, Journey) or (self._task is not None and self._task.needs_map)
+
+    def _carry_on(self, odometry: Pose2D, velocity: Velocity, points: Floats, *, docked: bool, now: float) -> Step:
+        assert self._task is not None
+        assert self._beams is not None
+        if docked and isinstance(self._task, Journey) and self._then is None:
+            self._then, self._task = self._task, self._undocking()
+        pose, beams_from = self._whereabouts.pose(), self._whereabouts.odometry_at(self._beams.stamp)
+        hazards = self._hazards(odometry, beams_from, points, now)
+        return self._task.step(Sense(now, pose, odometry, velocity, hazards, self._beams, beams_from, docked))
+
+    def _hazards(self, odometry: Pose2D, beams_from: Pose2D, points: Floats, now: float) -> Hazards:
+        assert self._beams is not None
+        strange = self._surroundings.strange(self._whereabouts.pose(), points, now)
+        hidden = self._passers.out_of_sight(now, odometry, self._beams)
+        return Hazards(points[~strange], points[strange], np.vstack([moved(self._walkers, beams_from, odometry), hidden]))
+
+    def _look(self, beams: Beams, now: float, *, localized: bool) -> None:
+        """Note what a new sweep shows, and who in it may be walking."""
+        odometry = self._whereabouts.odometry_at(beams.stamp)
+        robot = self._whereabouts.on_map(odometry)
+        if localized:
+            self._surroundings.look(robot, beams, now)
+        strangers = beams.points()[self._surroundings.strange(robot, beams.points(), now)]
+        self._walkers = strangers[~self._surroundings.settled(robot, strangers, now)]
+        self._passers.take(beams.stamp, odometry, self._walkers)
+
+    def _take(self, step: Step) -> Step:
+        """Note how a step ended; what comes after an undocking is begun."""
+        self._asked = step.velocity or ZERO
+        if step.status == "FINISHED" and self._then is not None:
+            self._task, self._then = self._then, None
+            return Step(ZERO, "RUNNING")
+        if step.status != "RUNNING":
+            self._task, self._then, self._last = None, None, step
+        return step

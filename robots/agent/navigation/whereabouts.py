@@ -1,0 +1,47 @@
+"""The newest pose on the map between two estimates: the last one, carried on by the odometry."""
+
+from collections import deque
+from dataclasses import dataclass, field
+
+from robots.agent.world.sensing import CENTRE, Estimate
+from robots.api.geometry import Pose2D, wrap_angle
+
+KEPT = 60  # odometry readings
+
+
+@dataclass
+class Whereabouts:
+    """Odometry readings with their times, and where their frame lies on the map. All times are of one clock, in seconds."""
+
+    _readings: deque[tuple[float, Pose2D]] = field(default_factory=lambda: deque(maxlen=KEPT))
+    _map_from_odometry: Pose2D = CENTRE
+    _stamp: float | None = None
+
+    def take(self, now: float, odometry: Pose2D, estimate: Estimate) -> None:
+        """Take the newest reading, and the newest estimate, which may be older."""
+        self._readings.append((now, odometry))
+        if estimate.stamp != self._stamp:
+            self._stamp = estimate.stamp
+            self._map_from_odometry = estimate.pose.compose(self.odometry_at(estimate.stamp).inverse())
+
+    def pose(self) -> Pose2D:
+        """Return the pose on the map at the newest reading."""
+        return self._map_from_odometry.compose(self._readings[-1][1])
+
+    def on_map(self, odometry: Pose2D) -> Pose2D:
+        """Return the pose on the map that belongs to an odometry pose."""
+        return self._map_from_odometry.compose(odometry)
+
+    def odometry_at(self, stamp: float) -> Pose2D:
+        """Return the odometry at a time, between the readings before and after it; the nearest one outside of what is kept."""
+        later_time, later = self._readings[-1]
+        if stamp >= later_time:
+            return later
+        for time, reading in reversed(self._readings):
+            if time <= stamp:
+                share = (stamp - time) / (later_time - time) if later_time > time else 0.0
+                turn = wrap_angle(later.theta - reading.theta)
+                x, y = reading.x + share * (later.x - reading.x), reading.y + share * (later.y - reading.y)
+                return Pose2D(x, y, wrap_angle(reading.theta + share * turn))
+            later_time, later = time, reading
+        return later

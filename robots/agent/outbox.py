@@ -1,0 +1,98 @@
+"""What the agent has to say on MQTT, in order, while the broker is away as well.
+
+Records (states, events, answers, photos) are kept until the broker has acknowledged them: nothing of a drive is missing because the
+broker was restarted. The rest is of its moment, and dropped while nobody listens.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+
+from robots.api import topics
+
+KEPT = ("state", "event", "action", "photo")
+MESSAGES = 6000
+BYTES = 32 << 20
+ONE_AT_A_TIME = frozenset({"picture"})  # of these none waits behind another of its suffix: a network that does not take one will not take two
+
+
+@dataclass(frozen=True, eq=False)
+class Letter:
+    """One message: its suffix, its payload, and how the broker is to treat it."""
+
+    suffix: str
+    payload: bytes
+    qos: int
+    retained: bool
+
+
+def letter(suffix: str, payload: bytes) -> Letter:
+    """Return a letter as the topic table wants it sent.
+
+    Raises:
+        ValueError: the table has no such suffix.
+    """
+    topic = topics.find(suffix)
+    if topic is None:
+        raise ValueError(f"no topic {suffix}")
+    return Letter(suffix, payload, topic.qos, topic.retained)
+
+
+class Outbox:
+    """A queue, bounded in messages and bytes; the oldest goes first, also when there is no room (counted in `lost`)."""
+
+    def __init__(self, messages: int = MESSAGES, size: int = BYTES) -> None:
+        self._waiting: deque[Letter] = deque()
+        self._sent: dict[int, Letter] = {}
+        self._limits = messages, size
+        self._bytes = 0
+        self.lost = 0
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    @property
+    def unacknowledged(self) -> int:
+        """Return how many letters are on their way."""
+        return len(self._sent)
+
+    def put(self, message: Letter, *, connected: bool) -> None:
+        """Take a letter; one that is of its moment only when `connected`."""
+        if not connected and message.suffix.partition("/")[0] not in KEPT:
+            return
+        if message.suffix.partition("/")[0] in ONE_AT_A_TIME and not self._make_room(message.suffix):
+            self.lost += 1
+            return
+        self._waiting.append(message)
+        self._bytes += len(message.payload)
+        messages, size = self._limits
+        while len(self._waiting) > messages or (self._bytes > size and len(self._waiting) > 1):
+            self._bytes -= len(self._waiting.popleft().payload)
+            self.lost += 1
+
+    def _make_room(self, suffix: str) -> bool:
+        """Drop the letter of this suffix that still waits; False when one is on its way."""
+        for old in [old for old in self._waiting if old.suffix == suffix]:
+            self._waiting.remove(old)
+            self._bytes -= len(old.payload)
+            self.lost += 1
+        return all(sent.suffix != suffix for sent in self._sent.values())
+
+    def take(self) -> Letter:
+        """Return the next letter, which counts as on its way until `acknowledged`."""
+        message = self._waiting.popleft()
+        self._bytes -= len(message.payload)
+        self._sent[id(message)] = message
+        return message
+
+    def acknowledged(self, message: Letter) -> None:
+        """The broker has it."""
+        self._sent.pop(id(message), None)
+
+    def disconnected(self) -> None:
+        """Put what was on its way back in front, in order, and drop what was of its moment."""
+        everything = [*self._sent.values(), *self._waiting]
+        self._sent.clear()
+        self._waiting.clear()
+        self._bytes = 0
+        for message in everything:
+            self.put(message, connected=False)

@@ -1,0 +1,40 @@
+"""Going before others when the computer is busy: the agent before other programs, its control loop before the rest of it.
+
+Measured with four busy processes on two cores: a thread that wakes 50 times a second is late by 89 ms (p99) without, by 12 ms with
+it. The rest of the agent is raised as well, because whichever of its threads holds the interpreter's lock must not be kept waiting
+by another program while the control loop waits for the lock. Linux gives every thread a nice value of its own and passes it on to
+whatever the thread starts; other systems have none, and an ordinary user may be refused (`LimitNICE=` of a systemd unit allows it):
+then everything goes on as before.
+"""
+
+import logging
+import os
+import sys
+import threading
+
+log = logging.getLogger(__name__)
+
+
+def nice() -> int | None:
+    """Return this thread's nice value, None where threads have none."""
+    if not sys.platform.startswith("linux"):
+        return None
+    return os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
+
+
+def set_nice(value: int | None) -> bool:
+    """Set this thread's nice value; return False when that is not possible. None changes nothing."""
+    if value is None or not sys.platform.startswith("linux"):
+        return False
+    try:
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), value)
+    except PermissionError:
+        log.info("priority_refused nice=%d", value)
+        return False
+    return True
+
+
+ORDINARY = nice()
+# Before others of the same standing: an agent that was started at a low priority stays low.
+FIRST = (ORDINARY or 0) - 10
+SECOND = (ORDINARY or 0) - 5

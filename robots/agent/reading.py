@@ -1,0 +1,62 @@
+"""What an adapter reports, checked before anybody else sees it: no NaN, nothing out of the Robot API's ranges, angles wrapped."""
+
+import math
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+
+from robots.agent.adapters.contract import RcaState
+from robots.api import codec
+from robots.api.errors import Rejection
+from robots.api.geometry import wrap_angle
+from robots.api.messages import Battery, PoseUpdate, Scan
+
+_battery = msgspec.json.Decoder(Battery)
+ERRORS = 12
+ERROR_LENGTH = 300
+FARTHEST = 1e5  # metres, as in robots.api.messages
+
+
+class UnsoundReadingError(ValueError):
+    """The adapter reported what no robot can be; one sentence for its owner."""
+
+
+def sound(reading: RcaState) -> RcaState:
+    """Return the reading with its angles wrapped and its texts cut to size.
+
+    Raises:
+        UnsoundReadingError: a number is NaN, infinite or out of range.
+    """
+    if not math.isfinite(reading.pose.theta):
+        raise UnsoundReadingError("the heading is not a number")
+    pose = msgspec.structs.replace(reading.pose, theta=wrap_angle(reading.pose.theta))
+    checked = replace(reading, pose=pose, errors=tuple(text[:ERROR_LENGTH] for text in reading.errors[:ERRORS]), scan=_scan(reading.scan))
+    update = PoseUpdate(
+        stamp=reading.stamp, pose=pose, velocity=reading.velocity, tilt=reading.tilt, assist_why=reading.assist_why, assist_point=reading.assist_point
+    )
+    try:
+        codec.decode("pose", codec.encode(update))
+        _battery.decode(codec.encode(reading.battery))
+    except (Rejection, msgspec.ValidationError) as error:
+        raise UnsoundReadingError(str(error)) from error
+    lengths = (reading.distance, reading.clearance or 0.0)
+    if not all(math.isfinite(value) and value >= 0.0 for value in lengths) or reading.contacts < 0:
+        raise UnsoundReadingError("a distance is negative or not a number")
+    if reading.odometry is not None and not all(math.isfinite(value) and abs(value) <= FARTHEST for value in reading.odometry):
+        raise UnsoundReadingError("the odometry is not a number, or out of this world")
+    if not all(math.isfinite(value) and abs(value) <= FARTHEST for point in reading.path or () for value in point):
+        raise UnsoundReadingError("a point of the path is not a number, or out of this world")
+    return checked
+
+
+def _scan(scan: Scan | None) -> Scan | None:
+    """Return a scan with what is no range left out."""
+    if scan is None:
+        return None
+    found = np.array(scan.ranges, dtype=np.float64)  # None becomes NaN
+    sound_ones = (found >= 0.0) & (found <= scan.range_max)
+    if int(np.count_nonzero(sound_ones)) + scan.ranges.count(None) == len(scan.ranges):
+        return scan
+    ranges = tuple(value if good else None for value, good in zip(scan.ranges, sound_ones.tolist(), strict=True))
+    return msgspec.structs.replace(scan, ranges=ranges)

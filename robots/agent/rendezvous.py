@@ -1,0 +1,104 @@
+"""Asking the server where its broker is: `GET /api/v1/agent/` with the robot's credentials."""
+
+import json
+import logging
+import ssl
+import urllib.error
+import urllib.request
+from collections.abc import Callable
+from http import HTTPStatus
+
+from robots.agent.backoff import Backoff
+from robots.agent.config import AgentConfig, ConfigError
+
+log = logging.getLogger(__name__)
+
+PATH = "/api/v1/agent/"
+TIMEOUT = 10.0
+LARGEST_ANSWER = 1 << 16
+REFUSALS = (HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN)
+
+
+class ServerAwayError(Exception):
+    """The server could not be asked now; the message is one sentence."""
+
+
+def broker_urls(config: AgentConfig, backoff: Backoff, pause: Callable[[float], bool]) -> tuple[str, ...] | None:
+    """Return the broker's addresses, the best first, asking the server for ever if need be.
+
+    Args:
+        config: names the broker itself, or the server and the credentials.
+        backoff: how long to wait between two attempts.
+        pause: waits that many seconds and returns True when the agent is to end instead.
+
+    Returns:
+        The addresses, of which one is enough, or None when the agent is to end.
+
+    Raises:
+        ConfigError: the server refused the credentials, or this is not such a server.
+    """
+    if config.mqtt_url:
+        return tuple(url.strip() for url in config.mqtt_url.split(","))
+    while True:
+        try:
+            return ask(config)
+        except ServerAwayError as error:
+            wait = backoff.failed()
+            log.warning("server_away server=%s reason=%r again_in=%.1f", config.server, str(error), wait)
+            if pause(wait):
+                return None
+
+
+def ask(config: AgentConfig) -> tuple[str, ...]:
+    """Ask once; blocks up to TIMEOUT seconds.
+
+    Raises:
+        ServerAwayError: no answer, or one that may be another next time.
+        ConfigError: asking again is of no use.
+    """
+    request = urllib.request.Request(  # noqa: S310 -- config.load has checked the scheme
+        f"{config.server}{PATH}", headers={"Authorization": f"Bearer {config.robot}:{config.token}", "Accept": "application/json"}
+    )
+    try:
+        with urllib.request.urlopen(request, timeout=TIMEOUT, context=trust(str(config.server), config.ca)) as response:  # noqa: S310
+            answer = response.read(LARGEST_ANSWER)
+    except urllib.error.HTTPError as error:
+        if error.code in REFUSALS:
+            raise ConfigError(f"the server refused the credentials of {config.robot!r}: make new ones in its admin") from error
+        if error.code == HTTPStatus.NOT_FOUND:
+            raise ConfigError(f"{config.server} is no telepresence server: it has no {PATH}") from error
+        raise ServerAwayError(f"it answered {error.code}") from error
+    except (OSError, ValueError) as error:
+        raise ServerAwayError(str(getattr(error, "reason", error))) from error
+    return _urls_in(answer, config)
+
+
+def _urls_in(answer: bytes, config: AgentConfig) -> tuple[str, ...]:
+    try:
+        content = json.loads(answer)
+        robot, urls = content["robot"], content.get("mqttUrls") or [content["mqttUrl"]]
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ServerAwayError("its answer is not understood") from error
+    if robot != config.robot or not isinstance(urls, list) or not all(isinstance(url, str) for url in urls):
+        raise ConfigError(f"these are the credentials of {robot!r}, not of {config.robot!r}")
+    return tuple(urls)
+
+
+def trust(server: str, ca: str | None) -> ssl.SSLContext | None:
+    """Return whose certificates are believed: the system's, and those in the file `ca`; None for plain HTTP.
+
+    Raises:
+        ConfigError: the file cannot be read.
+    """
+    if not server.startswith("https://"):
+        return None
+    try:
+        return ssl.create_default_context() if not ca else _with(ca)
+    except OSError as error:
+        raise ConfigError(f"the certificates in {ca} cannot be read: {error.strerror or error}") from error
+
+
+def _with(ca: str) -> ssl.SSLContext:
+    context = ssl.create_default_context()
+    context.load_verify_locations(ca)
+    return context

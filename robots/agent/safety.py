@@ -1,0 +1,416 @@
+"""The safety kernel: the only thing between a message and the wheels. It runs on the robot's side of every link.
+
+It decides and does nothing: no sockets, no threads, no clock of its own (`now` is monotonic time in seconds, `unix` this computer's
+Unix time). Its caller sends what `Decision.velocity` says to the base, cancels what `cancelled` names, and stays silent otherwise.
+The rules, in the order in which they bite:
+
+- Stop and e-stop are obeyed whoever sends them, however old, whatever the lease. An e-stop latches (latch.py).
+- A velocity counts when it is the driver's and of an input method and on a way that the lease allows (permissions.py), newer than every
+  other of its epoch, and young enough (freshness.py).
+- Somebody else's stop holds the robot until the driver has let go: a zero velocity, or a second without one. So do a cleared e-stop
+  and a robot that has come back, lest a held key moves it by surprise.
+- Without an accepted velocity for `Limits.deadman` the robot brakes. Navigation ends 2 s after the driver's last heartbeat.
+- Idle is silence: after a few zeros nothing is sent, so that nobody fights a planner. Navigation that runs in the agent itself
+  (contract.SelfDriving) tells here what it wants, and gets what the limits leave of it.
+
+Longer than most files, because whoever answers for a robot wants all of it on one page.
+"""
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+from robots.agent.clock import Clocks
+from robots.agent.freshness import judge
+from robots.agent.latch import BUTTON, Latch, stricter
+from robots.agent.latch import refusal as latch_refusal
+from robots.agent.lease import LeaseKeeper, Remembered
+from robots.agent.motion import ZERO, Caps, assist_speed, caps, ramp
+from robots.agent.permissions import MOVING, Sender, forbidden, mismatch, refusal, role_of, staleness
+from robots.api.messages import Action, AssistLevel, Capability, ClearEStop, EStop, Lease, Limits, Mode, Stop, Velocity, VelocityCommand
+
+QUIET_RELEASES = 1.0
+NAVIGATION_SILENCE = 2.0
+PRESS = 0.3  # how long zeros are sent after a stop even to a base that we do not move: a planner may be moving it
+RUNS_ON = 5.0  # and for so long after that, while the robot is still seen to move
+ZEROS = 3
+MAX_STEP = 0.04  # two ticks: the longest time that one output may accelerate for
+STANDSTILL = 0.02
+EPOCHS_KEPT = 16
+STOPS_KEPT = 256
+SAME_STOP = 3.0
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What to send to the base: a velocity, or None for silence; `why` in one word."""
+
+    velocity: Velocity | None
+    why: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of a velocity command: refused for a `reason`, or accepted with its age in seconds."""
+
+    reason: str | None
+    age: float = 0.0
+
+
+@dataclass(frozen=True)
+class Navigation:
+    """What the robot is doing by itself: an action, and since when the driver counts as heard."""
+
+    action_id: str
+    mode: Mode
+    ordered_by_server: bool
+    since: float
+
+
+@dataclass
+class Assist:
+    """The assistance in force and the clearance in metres that it goes by."""
+
+    level: AssistLevel = "off"
+    clearance: float | None = None
+
+
+@dataclass
+class Kernel:
+    """All of the state that safety depends on.
+
+    Args:
+        limits: the robot's own; a lease can only lower them.
+        watchdog: seconds after which the base stops by itself.
+        capabilities: what the robot can do.
+        latch: an e-stop that was held when the agent ended.
+        newest_lease: the newest grant known when the agent ended.
+    """
+
+    limits: Limits
+    watchdog: float
+    capabilities: frozenset[Capability]
+    latch: Latch | None = None
+    newest_lease: Remembered | None = None
+    clocks: Clocks = field(default_factory=Clocks)
+    assist: Assist = field(default_factory=Assist)
+    fault: str | None = None
+    button_pressed: bool = False
+    navigation: Navigation | None = None
+    refused: Counter[str] = field(default_factory=Counter)
+    cancelled: list[tuple[str, str]] = field(default_factory=list)
+    stop_seq: int | None = None
+    stop_id: str | None = None
+    driver_heard: float | None = None
+
+    def __post_init__(self) -> None:
+        self.leases = LeaseKeeper(self.newest_lease)
+        self._floors: dict[int, int] = {}
+        self._stops: dict[str, float] = {}
+        self._target = self._current = ZERO
+        self._steered = 0.0
+        self._output_at = self._accepted_at = self._press_until = float("-inf")
+        self._hold_since: float | None = None
+        self._zeros_left = 0
+        self._measured_motion = False
+
+    # --- who drives --------------------------------------------------------------------------------------------------
+
+    def take_lease(self, lease: Lease | None, *, retained: bool, now: float) -> bool:
+        """Take a lease, or None for "nobody drives"; return False when it was older than what is known."""
+        before = self.leases.live(now)
+        if lease is None:
+            self.leases.clear()
+        elif not self.leases.take(lease, retained=retained, now=now):
+            self.refused["old_lease"] += 1
+            return False
+        after = self.leases.live(now)
+        if _grant(before) != _grant(after):
+            # A new driver starts from a standing robot, and the old one's last wish is void.
+            self._target, self._accepted_at, self.driver_heard = ZERO, float("-inf"), None
+            if self.navigation and not self.navigation.ordered_by_server:
+                self._cancel_navigation("lease_changed")
+        return True
+
+    def heard(self, peer: str, now: float) -> None:
+        """Note a heartbeat: the driver's keeps navigation going."""
+        lease = self.leases.live(now)
+        if lease is not None and lease.peer == peer:
+            self.driver_heard = now
+
+    # --- velocities --------------------------------------------------------------------------------------------------
+
+    def velocity(self, command: VelocityCommand, sender: Sender, *, now: float, unix: float) -> Verdict:
+        """Judge a velocity command; an accepted one is the new target, which `tick` then approaches."""
+        lease = self.leases.live(now)
+        reason = "retained" if sender.retained else mismatch(command.session, command.epoch, sender, lease)
+        if reason or lease is None:
+            return self._refuse(reason or "no_lease")
+        if forbidden(lease, sender, method=command.method):
+            return self._refuse("not_allowed")
+        moving = command.linear != 0.0 or command.angular != 0.0
+        if moving and self._hold_since is not None:
+            self._hold_since = now
+        if command.seq <= self._floors.get(command.epoch, -1):
+            return self._refuse("old_seq")
+        fresh = judge(command, lease, self.limits, self.clocks.of(lease.peer), now=now, unix=unix)
+        if fresh.reason:
+            return self._refuse(fresh.reason, fresh.age)
+        self._raise_floor(command.epoch, command.seq)
+        if reason := self._unmoved(moving=moving):
+            return self._refuse(reason, fresh.age)
+        self._cancel_navigation("manual")
+        self._hold_since = None
+        asked = Velocity(linear=command.linear, angular=command.angular)
+        self._target, self._accepted_at = self.caps(now).clamp(asked, fresh.scale), now
+        return Verdict(None, fresh.age)
+
+    def tick(self, now: float, wanted: Velocity | None = None) -> Decision:
+        """Return what the base is to do now. Call at 50 Hz, and once after each accepted command or stop.
+
+        `wanted` is what the agent's own navigation wants; without it, navigation is the RCA's and hears nothing from here.
+        """
+        self._let_go(now)
+        self._watch_navigation(now)
+        halted = self.latch or self.fault or self.held
+        if self.navigation and wanted is not None and not halted:
+            return self._navigated(wanted, now)
+        why = self.braking(now)
+        if why:
+            self._target = ZERO
+        return self._output(self._target, why or "driving", now)
+
+    def applied(self, velocity: Velocity, steered: float = 0.0) -> None:
+        """Take note of what the base was really told: ramps go on from there, but for the turn in rad/s that assistance added."""
+        self._current, self._steered = Velocity(linear=velocity.linear, angular=velocity.angular - steered), steered
+
+    def measured(self, velocity: Velocity) -> None:
+        """Take note of how the robot really moves: under an e-stop that is answered with more zeros."""
+        self._measured_motion = abs(velocity.linear) > STANDSTILL or abs(velocity.angular) > STANDSTILL
+
+    def caps(self, now: float) -> Caps:
+        """Return the largest speeds allowed now: the least of robot, lease and assistance."""
+        lease = self.leases.live(now)
+        # A robot that can assist does so itself, and better: it knows where the obstacle is.
+        level = "off" if "assist" in self.capabilities else self.assist.level
+        return caps(self.limits, lease.limits if lease else None, assist_speed(level, self.assist.clearance, self.limits))
+
+    def inhibited(self, now: float) -> str | None:
+        """Return why velocity commands cannot move the robot now, in one word, or None."""
+        if self.latch:
+            return "estop"
+        if self.fault:
+            return "fault"
+        if self._hold_since is not None:
+            return "stopped"
+        return None if self.leases.live(now) else "no_lease"
+
+    def braking(self, now: float) -> str | None:
+        """Return why the base is to stand still now, or None while it is being driven."""
+        if self.inhibited(now):
+            return self.inhibited(now)
+        return "deadman" if now >= self._accepted_at + self.limits.deadman else None
+
+    def deadline(self) -> float | None:
+        """Return the moment at which the deadman will strike, None while nothing moves."""
+        return self._accepted_at + self.limits.deadman if self._target != ZERO else None
+
+    @property
+    def held(self) -> bool:
+        """Tell whether a stop, or what counts as one, waits for the driver to let go."""
+        return self._hold_since is not None
+
+    def visitor_silence(self, now: float) -> float | None:
+        """Return how many seconds ago the driver was heard, None without a live lease."""
+        return now - self.driver_heard if self.driver_heard is not None and self.leases.live(now) else None
+
+    @property
+    def commanded(self) -> Velocity:
+        """Return the velocity that the base was last told."""
+        return Velocity(linear=self._current.linear, angular=self._current.angular + self._steered)
+
+    # --- stop --------------------------------------------------------------------------------------------------------
+
+    def stop(self, action: Stop, sender: Sender, now: float) -> bool:
+        """Brake. Return False when it only repeats a stop that was obeyed, and the driver has gone on since."""
+        lease = self.leases.live(now)
+        own = role_of(action, sender, lease) == "driver" and mismatch(action.session, action.epoch, sender, lease) is None
+        floor = self._floors.get(action.epoch, -1)
+        self.stop_seq, self.stop_id = action.seq, action.action_id
+        repeated = now - self._stops.get(action.action_id, float("-inf")) < SAME_STOP
+        if repeated and (not own or action.seq <= floor):
+            return False
+        self._remember_stop(action.action_id, now)
+        if own:
+            self._raise_floor(action.epoch, max(floor, action.seq))
+        else:
+            self._hold_since = now
+        self._halt("stopped", now)
+        return True
+
+    def estop(self, action: EStop, sender: Sender, *, now: float, unix: float) -> bool:
+        """Brake and latch. Return False when it only repeats one that was obeyed."""
+        if now - self._stops.get(action.action_id, float("-inf")) < SAME_STOP:
+            return False
+        self._remember_stop(action.action_id, now)
+        lease = self.leases.live(now)
+        role = role_of(action, sender, lease)
+        user = action.user if sender.way == "mqtt" else lease.who if lease and role == "driver" else ""
+        self._press(Latch(role, unix, user, action.detail), now)
+        return True
+
+    def button(self, *, pressed: bool, now: float, unix: float) -> bool:
+        """Take the state of the robot's own emergency button; return True when it has just been pressed."""
+        newly, self.button_pressed = pressed and not self.button_pressed, pressed
+        if newly:
+            self._press(Latch(BUTTON, unix), now)
+        return newly
+
+    def set_fault(self, reason: str) -> None:
+        """The base cannot be reached, or must not be: nothing moves it until `clear_fault`."""
+        self.fault = reason
+        self._cancel_navigation("fault")
+        self._target = ZERO
+
+    def clear_fault(self, now: float) -> None:
+        """The base is back, standing."""
+        self.fault, self._hold_since = None, now
+        self._current, self._target, self._steered = ZERO, ZERO, 0.0
+
+    # --- actions -----------------------------------------------------------------------------------------------------
+
+    def permit(self, action: Action, sender: Sender, *, now: float, unix: float) -> str | None:
+        """Return in one word why an action (other than stop and estop) is refused, and count it; None when it may be done."""
+        reason = self._why_not(action, sender, now=now, unix=unix)
+        if reason:
+            self.refused[reason] += 1
+        return reason
+
+    def clear_estop(self, now: float) -> None:
+        """Open the latch, for a clear_estop that `permit` has let pass."""
+        if self.latch is not None:
+            self.latch, self._hold_since = None, now
+
+    def navigate(self, action_id: str, mode: Mode, *, ordered_by_server: bool, now: float) -> None:
+        """The robot moves by itself from now on: be silent."""
+        self._cancel_navigation("replaced")
+        self.navigation = Navigation(action_id, mode, ordered_by_server, now)
+        self._target, self._current, self._steered = ZERO, ZERO, 0.0
+        self._zeros_left, self._press_until = 0, float("-inf")
+
+    def navigation_ended(self, action_id: str) -> None:
+        """The robot has come to the end of what it did by itself."""
+        if self.navigation and self.navigation.action_id == action_id:
+            self.navigation = None
+
+    def cancel(self, action_id: str | None) -> str | None:
+        """Cancel the navigation named, or whatever runs; return its id, None when there was none."""
+        running = self.navigation
+        if running is None or action_id not in {None, running.action_id}:
+            return None
+        self._cancel_navigation("cancelled")
+        return running.action_id
+
+    def drain_cancelled(self) -> list[tuple[str, str]]:
+        """Return (action id, reason) of the navigation to cancel at the adapter, once each."""
+        drained, self.cancelled = self.cancelled, []
+        return drained
+
+    # --- inside ------------------------------------------------------------------------------------------------------
+
+    def _refuse(self, reason: str, age: float = 0.0) -> Verdict:
+        self.refused[reason] += 1
+        return Verdict(reason, age)
+
+    def _unmoved(self, *, moving: bool) -> str | None:
+        """Return why a valid command of the driver moves nothing; a zero lets go of a hold and leaves a planner alone."""
+        if self.latch:
+            return "estop"
+        if self.fault:
+            return "fault"
+        if moving:
+            return "stopped" if self._hold_since is not None else None
+        return "navigating" if self.navigation else None
+
+    def _why_not(self, action: Action, sender: Sender, *, now: float, unix: float) -> str | None:
+        lease = self.leases.live(now)
+        reason = refusal(action, sender, lease, self.capabilities) or staleness(action, sender, lease, self.clocks, now=now, unix=unix)
+        if reason:
+            return reason
+        if isinstance(action, ClearEStop):
+            return latch_refusal(self.latch, action, button_pressed=self.button_pressed)
+        if not isinstance(action, MOVING):
+            return None
+        if self.latch:
+            return "estop"
+        return "fault" if self.fault else "stopped" if self._hold_since is not None else None
+
+    def _press(self, latch: Latch, now: float) -> None:
+        self.latch = stricter(self.latch, latch)
+        self._halt("estop", now)
+
+    def _halt(self, reason: str, now: float) -> None:
+        self._cancel_navigation(reason)
+        self._target, self._accepted_at, self._press_until = ZERO, float("-inf"), now + PRESS
+
+    def _cancel_navigation(self, reason: str) -> None:
+        if self.navigation:
+            self.cancelled.append((self.navigation.action_id, reason))
+            self.navigation = None
+
+    def _let_go(self, now: float) -> None:
+        if self._hold_since is not None and now - self._hold_since >= QUIET_RELEASES:
+            self._hold_since = None
+
+    def _watch_navigation(self, now: float) -> None:
+        running = self.navigation
+        if running is None or running.ordered_by_server:
+            return
+        if self.leases.live(now) is None:
+            self._cancel_navigation("no_lease")
+        elif now - max(running.since, self.driver_heard or running.since) >= NAVIGATION_SILENCE:
+            self._cancel_navigation("heartbeat_lost")
+
+    def _raise_floor(self, epoch: int, seq: int) -> None:
+        self._floors[epoch] = seq
+        if len(self._floors) > EPOCHS_KEPT:
+            del self._floors[min(self._floors)]
+
+    def _remember_stop(self, action_id: str, now: float) -> None:
+        self._stops.pop(action_id, None)
+        self._stops[action_id] = now
+        if len(self._stops) > STOPS_KEPT:
+            del self._stops[next(iter(self._stops))]
+
+    def _runs_on(self, now: float) -> bool:
+        """Tell whether a robot that was stopped still moves, so that it has to be told again."""
+        return self._measured_motion and (self.latch is not None or now < self._press_until + RUNS_ON)
+
+    def _output(self, target: Velocity, why: str, now: float) -> Decision:
+        if self.navigation:
+            return Decision(None, "navigating")
+        self._approach(target, now)
+        if self._current != ZERO:
+            self._zeros_left = ZEROS
+        elif self._zeros_left > 0:
+            self._zeros_left -= 1
+        elif now >= self._press_until and not self._runs_on(now):
+            return Decision(None, "idle")
+        self._output_at = now
+        return Decision(self._current, why)
+
+    def _navigated(self, wanted: Velocity, now: float) -> Decision:
+        """Return what the agent's own navigation gets: its wish within limits and ramps, and zeros too, for they hold it in its place."""
+        self._approach(wanted, now)
+        self._output_at, self._zeros_left = now, ZEROS
+        return Decision(self._current, "navigating")
+
+    def _approach(self, target: Velocity, now: float) -> None:
+        since, self._steered = now - self._output_at, 0.0
+        if since > min(self.limits.deadman, self.watchdog):
+            # So long without a word from us the base has stopped by itself; going on from the old speed would start it again.
+            self._current = ZERO
+        self._current = ramp(self._current, self.caps(now).clamp(target), self.limits, dt=since, dt_up=min(since, MAX_STEP))
+
+
+def _grant(lease: Lease | None) -> tuple[str, int] | None:
+    return (lease.session, lease.epoch) if lease else None

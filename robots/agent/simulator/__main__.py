@@ -1,0 +1,148 @@
+"""`python -m robots.agent.simulator --profile giraff --plan office --seed 1`: a robot on a loopback port.
+
+Prints one line of JSON with its address when it is ready, and what happens on standard error.
+"""
+
+import argparse
+import asyncio
+import contextlib
+import json
+import logging
+import math
+import os
+import signal
+import sys
+import threading
+from dataclasses import replace
+from typing import Any
+
+from msgspec import structs
+
+from robots.agent.simulator.camera_thread import Renderer
+from robots.agent.simulator.profiles import MODELS, RobotModel, UnknownProfileError, model_of
+from robots.agent.simulator.server import Server
+from robots.agent.simulator.simulation import Simulation, StartError
+from robots.agent.world.sites import SiteError, load_plan
+
+MOST_PEOPLE = 12
+MOST_FPS = 60.0
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the words of the command line."""
+    words = argparse.ArgumentParser(prog="python -m robots.agent.simulator", description="A simulated robot on a loopback port.")
+    words.add_argument("--profile", default="giraff", help=f"one of {', '.join(sorted(MODELS))}")
+    words.add_argument("--plan", default="office", help="a shipped site, or a folder with a plan.json")
+    words.add_argument("--seed", type=int, default=1, help="of everything random")
+    words.add_argument("--start", default="dock", help="dock, a start or place of the plan, or x,y,theta")
+    words.add_argument("--charge", type=float, default=0.9, help="of the battery at the start, 0 to 1")
+    words.add_argument("--people", type=int, default=0, help=f"who walk about, at most {MOST_PEOPLE}")
+    words.add_argument("--door-changes", type=float, default=0.0, help="seconds between two doors that move by themselves, on average; 0 for never")
+    words.add_argument("--listen", default="127.0.0.1:0", help="loopback address and port; port 0 takes a free one")
+    words.add_argument("--linger", type=float, help="end so many seconds after the last driver; without it, run until stopped")
+    words.add_argument("--tied", action="store_true", help="do not wait for a first driver when standard input is closed: who started it is dead")
+    words.add_argument("--no-camera", action="store_true", help="no pictures")
+    words.add_argument("--fps", type=float, help="pictures a second, instead of the camera's own")
+    return words
+
+
+def listen_address(text: str) -> tuple[str, int]:
+    """Return host and port.
+
+    Raises:
+        ValueError: not a loopback address: nothing here asks who is there.
+    """
+    host, _, port = text.rpartition(":")
+    if host not in LOOPBACK or not port.isdigit():
+        raise ValueError(f"--listen takes a loopback address such as 127.0.0.1:0, not {text!r}")
+    return host, int(port)
+
+
+def company(people: int, door_changes: float) -> dict[str, Any]:
+    """Return who and what moves in the site beside the robot.
+
+    Raises:
+        ValueError: a number that cannot be.
+    """
+    if not 0 <= people <= MOST_PEOPLE:
+        raise ValueError(f"--people takes 0 to {MOST_PEOPLE}, not {people}")
+    if not 0.0 <= door_changes < math.inf:
+        raise ValueError(f"--door-changes takes seconds, or 0 for never, not {door_changes}")
+    return {"people": people, "door_changes": door_changes}
+
+
+def with_fps(model: RobotModel, fps: float | None) -> RobotModel:
+    """Return a model whose camera takes so many pictures a second; None leaves it as it is.
+
+    Raises:
+        ValueError: a number that cannot be.
+    """
+    if fps is None:
+        return model
+    if not 0.0 < fps <= MOST_FPS:
+        raise ValueError(f"--fps takes a number up to {MOST_FPS:g}, not {fps}")
+    return replace(model, camera=structs.replace(model.camera, fps=fps))
+
+
+def announce(address: str) -> None:
+    """Print where the robot is."""
+    print(json.dumps({"address": address, "pid": os.getpid()}), flush=True)  # noqa: T201 -- its only output, for programs
+
+
+def watch_input(loop: asyncio.AbstractEventLoop, server: Server) -> None:
+    """Tell the server when standard input is closed. In a thread, because Windows cannot wait for a pipe in a loop."""
+
+    def read() -> None:
+        while os.read(sys.stdin.fileno(), 64):  # not sys.stdin: its lock would be held when the interpreter ends
+            pass
+        with contextlib.suppress(RuntimeError):  # the loop has just ended
+            loop.call_soon_threadsafe(server.orphaned)
+
+    threading.Thread(target=read, name="input", daemon=True).start()
+
+
+async def serve(server: Server, host: str, port: int, *, tied: bool) -> None:
+    """Run until a signal, or until the server is done."""
+    loop = asyncio.get_running_loop()
+    if tied:
+        watch_input(loop, server)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        try:
+            loop.add_signal_handler(number, server.end)
+        except NotImplementedError:  # Windows: its Ctrl-C arrives as KeyboardInterrupt
+            break
+    await server.run(host, port, announce)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run a simulated robot; return 2 with one sentence when it cannot be what it was asked to be."""
+    words = parser().parse_args(arguments)
+    logging.basicConfig(level=logging.WARNING, stream=sys.stderr, format="simulator %(levelname)s %(name)s %(message)s")
+    try:
+        model = with_fps(model_of(words.profile), words.fps)
+        plan, _ = load_plan(words.plan)
+        host, port = listen_address(words.listen)
+        simulation = Simulation(model, plan, seed=words.seed, start=words.start, charge=words.charge, **company(words.people, words.door_changes))
+    except (UnknownProfileError, SiteError, StartError, ValueError) as error:
+        print(error, file=sys.stderr)  # noqa: T201 -- one sentence for who started it
+        return 2
+
+    def renderer() -> Renderer:
+        from robots.agent.simulator.camera import SceneCamera  # noqa: PLC0415 -- textures take long; nothing waits for them
+
+        return SceneCamera(model, plan, seed=words.seed)
+
+    server = Server(simulation, None if words.no_camera else renderer, linger=words.linger, seed=words.seed)
+    try:
+        asyncio.run(serve(server, host, port, tied=words.tied))
+    except KeyboardInterrupt:
+        return 0
+    except OSError as error:
+        print(f"cannot listen on {words.listen}: {error}", file=sys.stderr)  # noqa: T201 -- as above
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,111 @@
+"""Pictures in shared memory: a ring of slots, each with a guard, so that a reader knows when it was overtaken.
+
+The writer makes a slot's guard odd, draws, and makes it 2 x number + 2; a reader copies and looks whether the guard is still
+that. Nobody waits for anybody, and pixels never pass through a socket. A picture is (height * 3 / 2, width): the rows of Y, then U
+and V at half the size.
+
+The writer owns the memory and unlinks it. When the writer is killed, Python's resource tracker, a process of its own, does.
+Readers must not register with theirs: before Python 3.13 it would unlink what is not theirs (python/cpython issue 82300).
+"""
+
+import contextlib
+import sys
+from multiprocessing import resource_tracker
+from multiprocessing.shared_memory import SharedMemory
+
+import numpy as np
+import numpy.typing as npt
+
+SLOTS = 4
+GUARD = 64  # bytes before each picture, which keeps pictures on cache lines
+
+
+def _slot_bytes(width: int, height: int) -> int:
+    return GUARD + -(-_bytes(width, height) // GUARD) * GUARD
+
+
+def _bytes(width: int, height: int) -> int:
+    return width * height * 3 // 2
+
+
+class _Ring:
+    def __init__(self, memory: SharedMemory, width: int, height: int, slots: int) -> None:
+        size = _slot_bytes(width, height)
+        whole: npt.NDArray[np.uint8] = np.ndarray((slots, size), dtype=np.uint8, buffer=memory.buf)
+        self._memory = memory
+        self.guards: npt.NDArray[np.uint64] = whole[:, :8].view(np.uint64)[:, 0]
+        self.images = [whole[slot, GUARD : GUARD + _bytes(width, height)].reshape(height * 3 // 2, width) for slot in range(slots)]
+        self.slots = slots
+        self.name = memory.name
+
+    def _release(self) -> None:
+        self.images = []
+        self.guards = np.zeros(0, dtype=np.uint64)
+        with contextlib.suppress(BufferError):  # a picture is still in someone's hands; the memory goes with the process
+            self._memory.close()
+
+
+class FrameWriter(_Ring):
+    """The camera's side. `begin` gives the picture to draw into, `commit` shows it."""
+
+    def __init__(self, width: int, height: int, slots: int = SLOTS) -> None:
+        """Make the shared memory.
+
+        Raises:
+            OSError: there is no shared memory left.
+        """
+        super().__init__(SharedMemory(create=True, size=slots * _slot_bytes(width, height)), width, height, slots)
+        self.guards[:] = 0
+        self.number = 0
+
+    def begin(self) -> npt.NDArray[np.uint8]:
+        """Return the (height * 3 / 2, width) picture to draw next; its readers, if any, will notice."""
+        slot = self.number % self.slots
+        self.guards[slot] = 2 * self.number + 1
+        return self.images[slot]
+
+    def commit(self) -> int:
+        """Show the picture and return its number."""
+        number = self.number
+        self.guards[number % self.slots] = 2 * number + 2
+        self.number += 1
+        return number
+
+    def close(self) -> None:
+        """Take the memory away; readers that still have it mapped keep what they see."""
+        self._release()
+        with contextlib.suppress(FileNotFoundError):
+            self._memory.unlink()
+
+
+class FrameReader(_Ring):
+    """A viewer's side."""
+
+    def __init__(self, name: str, width: int, height: int, slots: int) -> None:
+        """Map the memory that a writer made.
+
+        Raises:
+            OSError: it is gone.
+        """
+        super().__init__(_attach(name), width, height, slots)
+
+    def copy(self, number: int) -> npt.NDArray[np.uint8] | None:
+        """Return picture `number`, or None when the writer has overtaken it."""
+        slot = number % self.slots
+        if int(self.guards[slot]) != 2 * number + 2:
+            return None
+        image = self.images[slot].copy()
+        return image if int(self.guards[slot]) == 2 * number + 2 else None
+
+    def close(self) -> None:
+        """Unmap; the writer's memory stays."""
+        self._release()
+
+
+def _attach(name: str) -> SharedMemory:
+    if sys.version_info >= (3, 13):
+        return SharedMemory(name=name, track=False)
+    memory = SharedMemory(name=name)
+    if sys.platform != "win32":
+        resource_tracker.unregister(memory._name, "shared_memory")  # type: ignore[attr-defined] # noqa: SLF001 -- the only way before 3.13
+    return memory

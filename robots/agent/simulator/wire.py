@@ -1,0 +1,193 @@
+"""What a simulated robot and its clients say to each other over TCP, framed as framing.py says.
+
+A connection has one role, said in `Hello`: the driver moves the robot and hears its state, an observer only looks (tests and
+benchmarks read the truth there), an operator plays fate (carries the robot away, breaks it, moves doors), a camera is told of
+pictures in shared memory, a microphone gets sound. Each is a connection of its own, so that media never stand before a velocity.
+"""
+
+import asyncio
+from typing import Any, Literal
+
+import msgspec
+from msgspec import Struct
+
+from robots.agent import framing
+from robots.agent.simulator.faults import Faults
+from robots.api.floorplan import DoorState
+
+COMMAND_LIMIT = 64 << 10
+Role = Literal["driver", "observer", "operator", "camera", "microphone"]
+
+
+class Said(Struct, frozen=True, tag=True, array_like=True):
+    """Base of every message on this wire."""
+
+
+class Hello(Said, frozen=True):
+    """First word of a client."""
+
+    role: Role
+
+
+class Drive(Said, frozen=True):
+    """A velocity; silence afterwards brakes."""
+
+    linear: float
+    angular: float
+
+
+class TiltTo(Said, frozen=True):
+    """Tilt the head to an angle."""
+
+    angle: float
+
+
+class SetDoors(Said, frozen=True):
+    """Open and close doors by name."""
+
+    doors: dict[str, DoorState]
+
+
+class Shutdown(Said, frozen=True):
+    """The driver is done: brake, then end the process."""
+
+
+class CarryTo(Said, frozen=True):
+    """An operator puts the robot somewhere else; answered with `Done`, or `Refused` when something stands there."""
+
+    x: float
+    y: float
+    theta: float
+
+
+class Break(Said, frozen=True):
+    """An operator breaks the robot, or mends it with no faults; answered with `Done`."""
+
+    faults: Faults
+
+
+class AskTruth(Said, frozen=True):
+    """An observer wants one `Truth`."""
+
+
+class AskHistory(Said, frozen=True):
+    """An observer wants the last seconds of `History`."""
+
+    seconds: float
+
+
+class Welcome(Said, frozen=True):
+    """Answer to `Hello`."""
+
+    series: str
+    map_id: str
+    pid: int
+
+
+class Truth(Said, frozen=True):
+    """The robot as it is; `stamp` in Unix seconds, `commanded_at` that of the last velocity, 0 before the first.
+
+    `clearance` is measured for observers only. `people` are x, y, heading of those who walk about; `bumped` how often one of them
+    walked into the robot.
+    """
+
+    stamp: float
+    x: float
+    y: float
+    theta: float
+    odometry: tuple[float, float, float]
+    linear: float
+    angular: float
+    commanded: tuple[float, float]
+    commanded_at: float
+    charge: float
+    voltage: float
+    docked: bool
+    tilt: float
+    clearance: float | None
+    contacts: int
+    distance: float
+    doors: dict[str, DoorState]
+    errors: tuple[str, ...]
+    bumped: int = 0
+    people: tuple[tuple[float, float, float], ...] = ()
+
+
+class Ranges(Said, frozen=True):
+    """A laser scan: float32 metres in the byte order of the machine, `inf` where nothing came back."""
+
+    stamp: float
+    ranges: bytes
+
+
+class History(Said, frozen=True):
+    """Rows of (stamp, commanded linear, commanded angular, linear, angular, x, y, theta), oldest first, one every step."""
+
+    rows: tuple[tuple[float, float, float, float, float, float, float, float], ...]
+
+
+class Pictures(Said, frozen=True):
+    """Where the pictures will be: a ring of slots in shared memory (see frames.py)."""
+
+    name: str
+    slots: int
+    width: int
+    height: int
+
+
+class FrameReady(Said, frozen=True):
+    """Picture `number` is in its slot, sampled at `stamp` (Unix seconds)."""
+
+    number: int
+    stamp: float
+
+
+class Sound(Said, frozen=True):
+    """20 ms of sound: 960 samples int16, mono, 48 kHz."""
+
+    samples: bytes
+
+
+class Done(Said, frozen=True):
+    """An operator's wish is done."""
+
+
+class Refused(Said, frozen=True):
+    """Why something was not done; unless it was an operator's wish, the simulator closes the connection."""
+
+    reason: str
+
+
+ToSimulator = Hello | Drive | TiltTo | SetDoors | Shutdown | AskTruth | AskHistory | CarryTo | Break
+FromSimulator = Welcome | Truth | Ranges | History | Pictures | FrameReady | Sound | Done | Refused
+
+_to_simulator: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(ToSimulator)
+_from_simulator: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(FromSimulator)
+
+
+def unpack_command(body: bytes) -> Any:
+    """Return what a client said, one of `ToSimulator`.
+
+    Raises:
+        WireError: it is no message.
+    """
+    return framing.unpack(_to_simulator, body)
+
+
+def unpack_answer(body: bytes) -> Any:
+    """Return what the simulator said, one of `FromSimulator`.
+
+    Raises:
+        WireError: it is no message.
+    """
+    return framing.unpack(_from_simulator, body)
+
+
+async def read_answer(reader: asyncio.StreamReader) -> Any:
+    """Wait for the next message of the simulator.
+
+    Raises:
+        WireError: it is no message.
+        asyncio.IncompleteReadError, OSError: the connection ended.
+    """
+    return unpack_answer(await framing.read(reader))

@@ -1,0 +1,83 @@
+"""What an agent must not forget when it is restarted: a latched e-stop, and the newest lease it has seen.
+
+Small JSON files, replaced whole. A latch that cannot be read counts as latched: the robot stays where it is until somebody looks.
+"""
+
+import contextlib
+import json
+import logging
+import os
+from dataclasses import asdict
+from pathlib import Path
+
+from robots.agent.latch import UNREADABLE, Latch
+from robots.agent.lease import Remembered
+
+log = logging.getLogger(__name__)
+
+
+class Store:
+    """Files of one robot in one directory. Methods block for a disk write: call them off the loop."""
+
+    def __init__(self, directory: Path) -> None:
+        self._latch = directory / "estop.json"
+        self._lease = directory / "lease.json"
+
+    def prepare(self) -> None:
+        """Make the directory.
+
+        Raises:
+            OSError: it cannot be made, or not be written to.
+        """
+        self._latch.parent.mkdir(parents=True, exist_ok=True)
+        probe = self._latch.parent / ".writable"
+        probe.write_text("")
+        probe.unlink()
+
+    def latch(self) -> Latch | None:
+        """Return the e-stop that was held when the agent ended."""
+        try:
+            content = json.loads(self._latch.read_text(encoding="utf-8"))
+            return Latch(str(content["source"]), float(content["stamp"]), str(content["user"]), str(content["detail"]))
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            log.exception("latch_unreadable file=%s", self._latch)
+            return Latch(UNREADABLE, 0.0, "", str(error))
+
+    def keep_latch(self, latch: Latch | None) -> None:
+        """Remember an e-stop, or that there is none.
+
+        Raises:
+            OSError: the disk does not take it.
+        """
+        if latch is None:
+            self._latch.unlink(missing_ok=True)
+            return
+        _replace(self._latch, asdict(latch))
+
+    def lease(self) -> Remembered | None:
+        """Return the newest grant seen before the agent ended; one that cannot be read is none."""
+        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+            content = json.loads(self._lease.read_text(encoding="utf-8"))
+            return Remembered(str(content["session"]), int(content["epoch"]), int(content["renewal"]), float(content["stamp"]))
+        return None
+
+    def keep_lease(self, newest: Remembered) -> None:
+        """Remember a grant.
+
+        Raises:
+            OSError: the disk does not take it.
+        """
+        _replace(self._lease, asdict(newest))
+
+
+def _replace(path: Path, content: dict[str, object]) -> None:
+    """Write a file so that it is either the old one or the new one, whenever the power fails."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_suffix(".new")
+    with unfinished.open("w", encoding="utf-8") as file:
+        json.dump(content, file)
+        file.flush()
+        os.fsync(file.fileno())
+    unfinished.replace(path)

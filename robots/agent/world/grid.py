@@ -1,0 +1,163 @@
+"""Occupancy grids as ROS map_server keeps them: a YAML file that names an image.
+
+An image value v means the occupancy (255 - v) / 255, or v / 255 when the file says `negate`: above `occupied_thresh` a cell is
+occupied, below `free_thresh` free, between them unknown (wiki.ros.org/map_server, trinary mode).
+"""
+
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import av
+import numpy as np
+import numpy.typing as npt
+import yaml
+
+from robots.api.geometry import MapTransform, Pose2D
+
+OCCUPIED, UNKNOWN, FREE = 0, 205, 254
+MAXIMUM_SIDE = 8192
+HEADER_BYTES = 4096
+PNG = b"\x89PNG\r\n\x1a\n"
+_BETWEEN = rb"(?:\s|#[^\n]*\n)+"
+_PGM = re.compile(rb"P[25]" + _BETWEEN + rb"(\d{1,9})" + _BETWEEN + rb"(\d{1,9})")
+
+
+class MapError(ValueError):
+    """A map that cannot be read; the message names the file and what is wrong with it."""
+
+
+@dataclass(frozen=True, eq=False)
+class OccupancyGrid:
+    """A map: `image` (h, w) uint8 as in the file, row 0 on top, and where it lies."""
+
+    image: npt.NDArray[np.uint8]
+    transform: MapTransform
+    negate: bool = False
+    occupied_thresh: float = 0.65
+    free_thresh: float = 0.196
+
+    def occupancy(self) -> npt.NDArray[np.float64]:
+        """Return (h, w) from 0, surely free, to 1, surely occupied."""
+        return self._of_values()[self.image]
+
+    def occupied(self) -> npt.NDArray[np.bool_]:
+        """Return (h, w), True where something stands."""
+        return (self._of_values() > self.occupied_thresh)[self.image]
+
+    def free(self) -> npt.NDArray[np.bool_]:
+        """Return (h, w), True where a robot may be."""
+        return (self._of_values() < self.free_thresh)[self.image]
+
+    def _of_values(self) -> npt.NDArray[np.float64]:
+        """Return (256,), the occupancy of each image value: a large map takes a byte a cell and not sixteen."""
+        share = np.arange(256) / 255.0
+        return share if self.negate else 1.0 - share
+
+
+def load_grid(path: Path) -> OccupancyGrid:
+    """Return the map that a map_server YAML file describes.
+
+    Raises:
+        MapError: the file or its image is missing, malformed or out of bounds.
+    """
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
+        raise MapError(f"{path}: {error}") from error
+    if not isinstance(content, dict):
+        raise MapError(f"{path}: not a map_server file")
+    try:
+        return _grid(content, path)
+    except (KeyError, TypeError, ValueError) as error:
+        raise MapError(f"{path}: {type(error).__name__} {error}") from error
+
+
+def _grid(content: dict[str, Any], path: Path) -> OccupancyGrid:
+    image = read_grey(path.parent / str(content["image"]))
+    x, y, theta = (float(value) for value in content["origin"])
+    return OccupancyGrid(
+        image=image,
+        transform=MapTransform(float(content["resolution"]), Pose2D(x, y, theta), image.shape[0]),
+        negate=bool(content.get("negate", 0)),
+        occupied_thresh=float(content.get("occupied_thresh", 0.65)),
+        free_thresh=float(content.get("free_thresh", 0.196)),
+    )
+
+
+def read_grey(path: Path) -> npt.NDArray[np.uint8]:
+    """Return an image file (PNG, PGM …) as (h, w) uint8.
+
+    Raises:
+        MapError: it is not there, no image, or larger than `MAXIMUM_SIDE`.
+    """
+    return decode_grey(str(path), str(path))
+
+
+def decode_grey(source: str | BinaryIO, name: str) -> npt.NDArray[np.uint8]:
+    """Return an image, a path or an open file, as (h, w) uint8; `name` is what errors call it.
+
+    Raises:
+        MapError: it is not there, no image, or larger than `MAXIMUM_SIDE`.
+    """
+    try:
+        _check_size(*_told_size(_beginning(source)), name)  # opening it would already unpack a picture of any size
+        with av.open(source, "r") as container:
+            frame = next(container.decode(video=0))
+    except (OSError, av.FFmpegError, StopIteration, IndexError) as error:
+        raise MapError(f"{name}: cannot be read as an image ({error})") from error
+    _check_size(frame.width, frame.height, name)
+    return np.ascontiguousarray(frame.to_ndarray(format="gray"), dtype=np.uint8)
+
+
+def _beginning(source: str | BinaryIO) -> bytes:
+    if isinstance(source, str):
+        with Path(source).open("rb") as file:
+            return file.read(HEADER_BYTES)
+    start = source.read(HEADER_BYTES)
+    source.seek(0)
+    return start
+
+
+def _told_size(start: bytes) -> tuple[int, int]:
+    """Return (width, height) as the beginning of a PNG (ISO/IEC 15948, 11.2.2) or PGM file tells it; (0, 0) of any other."""
+    if start.startswith(PNG):
+        return int.from_bytes(start[16:20]), int.from_bytes(start[20:24])
+    found = _PGM.match(start)
+    return (int(found[1]), int(found[2])) if found else (0, 0)
+
+
+def _check_size(width: int, height: int, name: str) -> None:
+    if max(width, height) > MAXIMUM_SIDE:
+        raise MapError(f"{name}: {width} x {height} pixels, at most {MAXIMUM_SIDE} a side")
+
+
+def encode_png(image: npt.NDArray[np.uint8]) -> bytes:
+    """Return (h, w) grey or (h, w, 3) RGB as a PNG."""
+    grey = image.ndim == 2  # noqa: PLR2004 -- a plane without colours
+    codec = av.CodecContext.create("png", "w")
+    codec.width, codec.height, codec.pix_fmt = image.shape[1], image.shape[0], "gray" if grey else "rgb24"
+    codec.time_base = Fraction(1)
+    packets = codec.encode(av.VideoFrame.from_ndarray(image, format=codec.pix_fmt)) + codec.encode(None)
+    return b"".join(bytes(packet) for packet in packets)
+
+
+def write_grid(grid: OccupancyGrid, directory: Path) -> None:
+    """Write a map as map.yaml and map.png into a folder.
+
+    Raises:
+        OSError: a file cannot be written.
+    """
+    origin = grid.transform.origin
+    lines = [
+        "image: map.png",
+        f"resolution: {grid.transform.resolution}",
+        f"origin: [{origin.x}, {origin.y}, {origin.theta}]",
+        f"negate: {int(grid.negate)}",
+        f"occupied_thresh: {grid.occupied_thresh}",
+        f"free_thresh: {grid.free_thresh}",
+    ]
+    (directory / "map.png").write_bytes(encode_png(grid.image))
+    (directory / "map.yaml").write_text("\n".join(lines) + "\n", encoding="utf-8")

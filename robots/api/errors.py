@@ -1,0 +1,19 @@
+"""What can be wrong with bytes that claim to be a message."""
+
+from typing import Literal
+
+RejectionReason = Literal["oversized", "malformed", "unknown_topic", "wrong_direction"]
+
+
+class Rejection(ValueError):  # noqa: N818 -- the wire's own word: a message is rejected, nothing has failed
+    """A message that was refused before anybody acted on it.
+
+    Args:
+        reason: one of `oversized`, `malformed`, `unknown_topic`, `wrong_direction`; the key under which it is counted.
+        detail: what exactly was wrong, for the log; never shown to a visitor and never the payload itself.
+    """
+
+    def __init__(self, reason: RejectionReason, detail: str = "") -> None:
+        super().__init__(f"{reason}: {detail}" if detail else reason)
+        self.reason = reason
+        self.detail = detail

@@ -1,0 +1,368 @@
+"""A site as data: plan.json, which stands beside the map_server image of the same place.
+
+The simulator builds its walls, rooms and pictures from it; the server and the page's map take names, doors, docks, checkpoints
+and places. Metres and radians in the frame of the map. On the wire it is camelCase JSON, like every other message.
+
+Two layers of checks: msgspec refuses what is malformed, `problems()` what is well-formed and cannot be a place.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta, Struct
+
+from robots.api.messages import Metres, Name, Point, Radians
+
+Length = Annotated[float, Meta(gt=0.0, le=1000.0)]
+Height = Annotated[float, Meta(ge=0.0, le=20.0)]
+Colour = Annotated[str, Meta(pattern=r"^#[0-9a-fA-F]{6}$")]
+Key = Annotated[str, Meta(pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$")]
+DoorState = Literal["open", "closed"]
+
+WallMaterial = Literal["plaster", "brick", "wallpaper", "panelling", "two_tone", "concrete", "trim"]
+FloorMaterial = Literal["oak", "tiles", "carpet", "concrete"]
+FurnitureKind = Literal[
+    "desk", "chair", "sofa", "armchair", "table", "bookcase", "cabinet", "plant", "lamp", "bench", "television", "box", "cylinder",
+]  # fmt: skip
+DecorationKind = Literal["picture", "window", "whiteboard", "poster", "clock", "sign", "screen"]
+
+MINIMUM_DOOR = 0.5
+MINIMUM_LENGTH = 0.02
+MINIMUM_ROOM = 0.1  # m²
+ON_WALL = 0.02  # a decoration or mirror may lie this far off the face of its wall
+
+
+class FloorPlanError(ValueError):
+    """A plan that cannot be used; `problems` says, one sentence each, what is wrong and where."""
+
+    def __init__(self, problems: tuple[str, ...]) -> None:
+        super().__init__("; ".join(problems))
+        self.problems = problems
+
+
+class Part(Struct, frozen=True, kw_only=True, rename="camel", omit_defaults=True, forbid_unknown_fields=True):
+    """Base of everything in a plan. Unknown fields are refused: in a file made by hand they are slips of the pen."""
+
+
+class Placed(Part, frozen=True, kw_only=True):
+    """A pose of the map."""
+
+    x: Metres
+    y: Metres
+    theta: Radians = 0.0
+
+
+class Room(Part, frozen=True, kw_only=True):
+    """A room; `polygon` is its floor, in order, not closed."""
+
+    name: Key
+    title: Name
+    polygon: Annotated[tuple[Point, ...], Meta(min_length=3, max_length=200)]
+    floor: FloorMaterial = "oak"
+    floor_colour: Colour = "#b08d62"
+
+
+class Surface(Part, frozen=True, kw_only=True):
+    """What one side of a wall looks like."""
+
+    material: WallMaterial = "plaster"
+    colour: Colour = "#efe9dd"
+
+
+class Wall(Part, frozen=True, kw_only=True):
+    """A straight wall from floor to ceiling: centre line, thickness, and its two sides as seen when walking from start to end."""
+
+    start: Point
+    end: Point
+    thickness: Length = 0.15
+    left: Surface = Surface()
+    right: Surface = Surface()
+
+
+class Passage(Part, frozen=True, kw_only=True):
+    """An opening without a door between two rooms; above `height` the wall goes on."""
+
+    name: Key
+    title: Name
+    start: Point
+    end: Point
+    thickness: Length = 0.15
+    height: Height = 2.1
+    connects: tuple[Key, Key]
+
+
+class Door(Part, frozen=True, kw_only=True):
+    """A door: the closed leaf runs from the hinge at `start` to `end`; open, it is turned by `swing` about the hinge."""
+
+    name: Key
+    title: Name
+    start: Point
+    end: Point
+    swing: Radians
+    thickness: Length = 0.15
+    leaf: Length = 0.04
+    height: Height = 2.1
+    state: DoorState = "open"
+    colour: Colour = "#8a5a34"
+    connects: tuple[Key, Key]
+
+
+class Decoration(Part, frozen=True, kw_only=True):
+    """Something flat on a wall's face: `x`, `y` its centre on that face, `z` the height of its centre, in metres."""
+
+    kind: DecorationKind
+    x: Metres
+    y: Metres
+    z: Height = 1.5
+    width: Length
+    height: Length
+    variant: Annotated[int, Meta(ge=0, le=1000)] = 0
+    text: Name = ""
+
+
+class Mirror(Part, frozen=True, kw_only=True):
+    """A mirror; its glass looks to the left of start → end."""
+
+    name: Key
+    title: Name
+    start: Point
+    end: Point
+    bottom: Height = 0.2
+    top: Height = 1.9
+
+
+class Furniture(Part, frozen=True, kw_only=True):
+    """A thing that stands on the floor.
+
+    A box is `width` along its own x and `depth` along its y, its front looks to -y; a cylinder is `width` across.
+    """
+
+    name: Key
+    kind: FurnitureKind
+    shape: Literal["box", "cylinder"] = "box"
+    x: Metres
+    y: Metres
+    theta: Radians = 0.0
+    width: Length
+    depth: Length = 0.5
+    height: Height
+    colour: Colour = "#8b6b4a"
+
+
+class Rug(Part, frozen=True, kw_only=True):
+    """Something flat on the floor that nobody bumps into: `width` along its own x, `depth` along its y."""
+
+    x: Metres
+    y: Metres
+    theta: Radians = 0.0
+    width: Length
+    depth: Length
+    colour: Colour = "#8c4a3c"
+
+
+class Station(Part, frozen=True, kw_only=True):
+    """The body of a charging station: its front is `distance` ahead of the docked robot's centre."""
+
+    distance: Length
+    width: Length = 0.5
+    depth: Length = 0.12
+    height: Height = 0.45
+
+
+class Dock(Part, frozen=True, kw_only=True):
+    """A charging station for one series of robots; `x`, `y`, `theta` is the pose of the docked robot, nose to the station."""
+
+    name: Key
+    title: Name
+    type: Key
+    x: Metres
+    y: Metres
+    theta: Radians
+    station: Station
+
+
+class Place(Placed, frozen=True, kw_only=True):
+    """A named place to drive to."""
+
+    name: Key
+    title: Name
+
+
+class Checkpoint(Part, frozen=True, kw_only=True):
+    """One step of the exploration task; reached within `radius`."""
+
+    number: Annotated[int, Meta(ge=0, le=99)]
+    x: Metres
+    y: Metres
+    radius: Length = 0.6
+    title: Name = ""
+
+
+class Route(Part, frozen=True, kw_only=True):
+    """The checkpoints for one series of robots, 0 (its dock) first, and the path that is suggested between them."""
+
+    type: Key
+    checkpoints: Annotated[tuple[Checkpoint, ...], Meta(min_length=2, max_length=100)]
+    path: Annotated[tuple[Point, ...], Meta(max_length=500)] = ()
+
+
+class FloorPlan(Part, frozen=True, kw_only=True):
+    """A whole site. `ceiling` is its height in metres; `map_id` names the map that it belongs to."""
+
+    version: Literal[1] = 1
+    map_id: Key
+    title: Name
+    ceiling: Length = 2.6
+    rooms: Annotated[tuple[Room, ...], Meta(min_length=1, max_length=100)]
+    walls: Annotated[tuple[Wall, ...], Meta(min_length=3, max_length=2000)]
+    doors: Annotated[tuple[Door, ...], Meta(max_length=100)] = ()
+    passages: Annotated[tuple[Passage, ...], Meta(max_length=100)] = ()
+    decorations: Annotated[tuple[Decoration, ...], Meta(max_length=500)] = ()
+    mirrors: Annotated[tuple[Mirror, ...], Meta(max_length=10)] = ()
+    furniture: Annotated[tuple[Furniture, ...], Meta(max_length=500)] = ()
+    rugs: Annotated[tuple[Rug, ...], Meta(max_length=100)] = ()
+    docks: Annotated[tuple[Dock, ...], Meta(max_length=50)] = ()
+    places: Annotated[tuple[Place, ...], Meta(max_length=200)] = ()
+    starts: Annotated[tuple[Place, ...], Meta(max_length=200)] = ()
+    routes: Annotated[tuple[Route, ...], Meta(max_length=50)] = ()
+
+    @property
+    def openings(self) -> tuple[Door | Passage, ...]:
+        """Every way from room to room."""
+        return (*self.doors, *self.passages)
+
+    def room_at(self, x: float, y: float) -> Room | None:
+        """Return the room whose floor holds the point, or None."""
+        return next((room for room in self.rooms if contains(room.polygon, x, y)), None)
+
+    def dock_of(self, series: str) -> Dock | None:
+        """Return the first dock for a series of robots, or None."""
+        return next((dock for dock in self.docks if dock.type == series), None)
+
+    def route_of(self, series: str) -> Route | None:
+        """Return the task's checkpoints for a series of robots, or None."""
+        return next((route for route in self.routes if route.type == series), None)
+
+
+_decoder = msgspec.json.Decoder(FloorPlan)
+
+
+def decode(data: bytes | str) -> FloorPlan:
+    """Return a checked plan.
+
+    Raises:
+        FloorPlanError: malformed JSON, a wrong type or range (with its path in the file), or a plan that cannot be a place.
+    """
+    try:
+        plan = _decoder.decode(data)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise FloorPlanError((str(error),)) from error
+    found = problems(plan)
+    if found:
+        raise FloorPlanError(found)
+    return plan
+
+
+def encode(plan: FloorPlan) -> bytes:
+    """Return a plan as JSON."""
+    return msgspec.json.encode(plan)
+
+
+def contains(polygon: tuple[Point, ...], x: float, y: float) -> bool:
+    """Tell whether a point lies in a simple polygon (even-odd rule)."""
+    inside = False
+    for (ax, ay), (bx, by) in zip(polygon, (*polygon[1:], polygon[0]), strict=True):
+        if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
+            inside = not inside
+    return inside
+
+
+def problems(plan: FloorPlan) -> tuple[str, ...]:
+    """Return what is wrong with a well-formed plan, one sentence each; empty when nothing is."""
+    return (*_double_names(plan), *_flat(plan), *_too_high_or_narrow(plan), *_unknown_rooms(plan), *_outside(plan), *_bad_routes(plan))
+
+
+def _double_names(plan: FloorPlan) -> Iterator[str]:
+    groups = {
+        "room": [r.name for r in plan.rooms], "door or passage": [o.name for o in plan.openings],
+        "dock": [d.name for d in plan.docks], "place": [p.name for p in plan.places], "start": [s.name for s in plan.starts],
+        "furniture": [f.name for f in plan.furniture], "mirror": [m.name for m in plan.mirrors], "route": [r.type for r in plan.routes],
+    }  # fmt: skip
+    for kind, names in groups.items():
+        for name in sorted({n for n in names if names.count(n) > 1}):
+            yield f"two things of kind {kind} are called {name!r}"
+
+
+def _flat(plan: FloorPlan) -> Iterator[str]:
+    for room in plan.rooms:
+        if abs(_area(room.polygon)) < MINIMUM_ROOM:
+            yield f"room {room.name!r} has no area"
+    for number, wall in enumerate(plan.walls):
+        if _length(wall.start, wall.end) < MINIMUM_LENGTH:
+            yield f"wall {number} has no length"
+
+
+def _too_high_or_narrow(plan: FloorPlan) -> Iterator[str]:
+    for opening in plan.openings:
+        if _length(opening.start, opening.end) < MINIMUM_DOOR:
+            yield f"{opening.name!r} is narrower than {MINIMUM_DOOR} m"
+        if not 0.0 < opening.height <= plan.ceiling:
+            yield f"{opening.name!r} is {opening.height} m high, the ceiling is at {plan.ceiling} m"
+    for mirror in plan.mirrors:
+        if _length(mirror.start, mirror.end) < MINIMUM_LENGTH or not mirror.bottom < mirror.top <= plan.ceiling:
+            yield f"mirror {mirror.name!r} has no surface below the ceiling"
+    for piece in plan.furniture:
+        if not 0.0 < piece.height <= plan.ceiling:
+            yield f"furniture {piece.name!r} is {piece.height} m high, the ceiling is at {plan.ceiling} m"
+
+
+def _unknown_rooms(plan: FloorPlan) -> Iterator[str]:
+    known = {room.name for room in plan.rooms}
+    for opening in plan.openings:
+        for name in opening.connects:
+            if name not in known:
+                yield f"{opening.name!r} connects the unknown room {name!r}"
+        if opening.connects[0] == opening.connects[1]:
+            yield f"{opening.name!r} connects a room with itself"
+
+
+def _outside(plan: FloorPlan) -> Iterator[str]:
+    stand = [(f"dock {d.name!r}", d.x, d.y) for d in plan.docks] + [(f"furniture {f.name!r}", f.x, f.y) for f in plan.furniture]
+    stand += [(f"place {p.name!r}", p.x, p.y) for p in plan.places] + [(f"start {s.name!r}", s.x, s.y) for s in plan.starts]
+    stand += [(f"checkpoint {c.number} of {r.type!r}", c.x, c.y) for r in plan.routes for c in r.checkpoints]
+    for what, x, y in stand:
+        if plan.room_at(x, y) is None:
+            yield f"{what} at ({x:g}, {y:g}) lies in no room"
+    for decoration in plan.decorations:
+        if not any(_on_face(wall, decoration.x, decoration.y) for wall in plan.walls):
+            yield f"{decoration.kind} at ({decoration.x:g}, {decoration.y:g}) hangs on no wall"
+
+
+def _bad_routes(plan: FloorPlan) -> Iterator[str]:
+    for route in plan.routes:
+        numbers = [c.number for c in route.checkpoints]
+        if numbers != list(range(len(numbers))):
+            yield f"the checkpoints of {route.type!r} are numbered {numbers}, not 0, 1, 2 …"
+        if plan.dock_of(route.type) is None:
+            yield f"there is a route but no dock for {route.type!r}"
+
+
+def _on_face(wall: Wall, x: float, y: float) -> bool:
+    length = _length(wall.start, wall.end)
+    if length < MINIMUM_LENGTH:
+        return False
+    along = ((wall.end[0] - wall.start[0]) / length, (wall.end[1] - wall.start[1]) / length)
+    dx, dy = x - wall.start[0], y - wall.start[1]
+    position, offset = dx * along[0] + dy * along[1], abs(dx * along[1] - dy * along[0])
+    return -ON_WALL <= position <= length + ON_WALL and abs(offset - wall.thickness / 2.0) <= ON_WALL
+
+
+def _length(start: Point, end: Point) -> float:
+    return math.dist(start, end)
+
+
+def _area(polygon: tuple[Point, ...]) -> float:
+    pairs = zip(polygon, (*polygon[1:], polygon[0]), strict=True)
+    return 0.5 * sum(ax * by - bx * ay for (ax, ay), (bx, by) in pairs)

@@ -1,0 +1,670 @@
+"""Every message of Robot API v1: one frozen class a message.
+
+SI units and radians throughout; x forward, y left, theta counter-clockwise; names follow VDA 5050 where it has one. On the
+wire a message is a JSON object in camelCase. `stamp` is Unix time in seconds by the sender's clock, `boot` the id of one run
+of the agent, and `seq` counts within a boot (states) or within an epoch (commands). Unknown fields are ignored, so that a
+newer peer can say more; a field out of its range makes the whole message `malformed`.
+
+Longer than most files here, because a reader who writes an agent wants all of the words on one page.
+"""
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from msgspec import Meta, Struct
+
+VERSION = 1
+
+# Ranges are wide enough for any robot and narrow enough that arithmetic on them cannot overflow or lose a millisecond.
+Metres = Annotated[float, Meta(ge=-1e5, le=1e5)]
+Radians = Annotated[float, Meta(ge=-7.0, le=7.0)]
+Seconds = Annotated[float, Meta(ge=0.0, le=1e6)]
+Stamp = Annotated[float, Meta(ge=0.0, le=1e11, description="Unix time in seconds, sender's clock")]
+LinearSpeed = Annotated[float, Meta(ge=-10.0, le=10.0, description="m/s, forward positive")]
+AngularSpeed = Annotated[float, Meta(ge=-20.0, le=20.0, description="rad/s, counter-clockwise positive")]
+Positive = Annotated[float, Meta(gt=0.0, le=1e3)]
+NotNegative = Annotated[float, Meta(ge=0.0, le=1e6)]
+Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+BitRate = Annotated[float, Meta(ge=1e3, le=1e11, description="bit/s")]
+Count = Annotated[int, Meta(ge=0, le=2**53 - 1, description="at most 2^53 - 1, so that JavaScript counts it exactly")]
+Id = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,64}$")]
+Name = Annotated[str, Meta(max_length=120)]
+Reason = Annotated[str, Meta(max_length=300)]
+Point = tuple[Metres, Metres]
+Variance = Annotated[float, Meta(ge=-1e10, le=1e10)]
+
+Role = Literal["driver", "observer", "screen"]
+InputMethod = Literal["keyboard", "mouse", "touch", "stick", "gamepad", "map", "script"]
+Way = Literal["datachannel", "mqtt"]
+Mode = Literal["manual", "assisted", "goto", "docking", "stopped"]
+AssistLevel = Literal["off", "slow", "steer"]
+Capability = Literal[
+    "velocity", "goto", "follow", "dock", "undock", "tilt", "relocalize", "localization", "scan", "assist", "photo", "say", "call", "audio",
+    "video", "doors", "network_lab",
+]  # fmt: skip
+ActionState = Literal["WAITING", "RUNNING", "FINISHED", "FAILED", "CANCELLED"]
+
+
+class Message(Struct, frozen=True, kw_only=True, rename="camel", omit_defaults=True):
+    """Base of everything on the wire."""
+
+
+# --- parts -----------------------------------------------------------------------------------------------------------
+
+
+class Pose(Message, frozen=True, kw_only=True):
+    """Where the robot is, in the frame of its map.
+
+    `covariance` is the upper triangle of the 3 x 3 matrix over (x, y, theta), row by row: xx, xy, xθ, yy, yθ, θθ.
+    `score` says how far to trust the pose: 1 is certain, below 0.5 the robot counts as lost (`localized` false).
+    """
+
+    x: Metres
+    y: Metres
+    theta: Radians
+    covariance: tuple[Variance, Variance, Variance, Variance, Variance, Variance] | None = None
+    localized: bool = True
+    score: Share = 1.0
+
+
+class Velocity(Message, frozen=True, kw_only=True):
+    """A planar velocity of a differential drive."""
+
+    linear: LinearSpeed
+    angular: AngularSpeed
+
+
+class Battery(Message, frozen=True, kw_only=True):
+    """`charge` runs from 0 to 1, `voltage` is in volts and absent when the robot does not measure it."""
+
+    charge: Share
+    voltage: NotNegative | None = None
+    charging: bool = False
+
+
+class Safety(Message, frozen=True, kw_only=True):
+    """What keeps the robot from moving.
+
+    `inhibited` names the reason in one word when commands are refused for a state of the robot: `estop`, `stopped`, `no_lease`,
+    `collision`, `fault`. `stop_seq` and `stop_id` echo the newest stop, so that its sender can stop repeating it.
+    """
+
+    estop: bool = False
+    estop_source: Name | None = None
+    collision: bool = False
+    inhibited: Name | None = None
+    stop_seq: Count | None = None
+    stop_id: Id | None = None
+
+
+class AppliedCommand(Message, frozen=True, kw_only=True):
+    """One velocity command that reached the wheels: which, how, on which way, how old, and what was made of it.
+
+    `frame_age` is how old the picture that the visitor saw was by then, in seconds by the robot's own clock: the whole way round, from the
+    camera over the visitor's eyes and hand to the wheels. Absent when the command named no picture.
+    """
+
+    seq: Count
+    stamp: Stamp
+    method: InputMethod
+    way: Way
+    age: Annotated[float, Meta(ge=-10.0, le=1e4, description="s, from the visitor's hand to the adapter, by the estimated clock offset")]
+    linear: LinearSpeed
+    angular: AngularSpeed
+    frame_age: Annotated[float, Meta(ge=-10.0, le=10.0)] | None = None
+
+
+class Limits(Message, frozen=True, kw_only=True):
+    """What the robot's own kernel enforces; disclosed, not negotiated.
+
+    Speeds in m/s and rad/s, accelerations and braking in m/s² and rad/s², times in s. `command_age` and `frame_age` are the
+    defaults, the `_ceiling`s what no lease can exceed. `deadman` is the silence after which the robot brakes.
+    """
+
+    linear: Positive
+    reverse: Positive
+    angular: Positive
+    linear_acceleration: Positive
+    angular_acceleration: Positive
+    linear_braking: Positive
+    angular_braking: Positive
+    command_age: Positive = 0.25
+    command_age_ceiling: Positive = 1.0
+    frame_age: Positive = 1.0
+    frame_age_ceiling: Positive = 3.0
+    deadman: Positive = 0.3
+
+
+class Camera(Message, frozen=True, kw_only=True):
+    """The driving camera: pinhole, square pixels, centred principal point.
+
+    `hfov` is the horizontal field of view, `x` how far the camera sits before the robot's centre, `z` its height above the
+    floor, `pitch` its angle below the horizon when the tilt is 0 (positive looks down, as a rotation about +y does).
+    """
+
+    width: Annotated[int, Meta(ge=16, le=7680)]
+    height: Annotated[int, Meta(ge=16, le=4320)]
+    fps: Positive
+    hfov: Annotated[float, Meta(gt=0.1, lt=3.1)]
+    x: Metres
+    z: Metres
+    pitch: Radians = 0.0
+
+
+class Laser(Message, frozen=True, kw_only=True):
+    """Where the planar laser sits in the robot's frame: the ranges of `scan` are seen from there, `theta` is where its angle 0 looks."""
+
+    x: Metres
+    y: Metres = 0.0
+    theta: Radians = 0.0
+
+
+class TiltRange(Message, frozen=True, kw_only=True):
+    """Head tilt: 0 is level, positive looks down; `speed` in rad/s."""
+
+    minimum: Radians
+    maximum: Radians
+    home: Radians = 0.0
+    speed: Positive = 1.0
+
+
+class CallState(Message, frozen=True, kw_only=True):
+    """How far a visitor is let through to the people at the robot: `audio` and `video` are what the visitor sends, `volume` their wish."""
+
+    status: Literal["ringing", "accepted", "declined", "unanswered"]
+    audio: bool = False
+    video: bool = False
+    volume: Share = 1.0
+
+
+class NetworkLab(Message, frozen=True, kw_only=True):
+    """Impairments that a study puts on one direction; times in s, loss and reordering as shares, rate in bit/s.
+
+    `jitter` changes the delay by up to so much either way. The same seed and the same packets at the same moments end in the same losses.
+    """
+
+    delay: NotNegative = 0.0
+    jitter: NotNegative = 0.0
+    loss: Share = 0.0
+    reorder: Share = 0.0
+    bitrate: BitRate | None = None
+    seed: Count = 0
+
+
+class LabReport(Message, frozen=True, kw_only=True):
+    """What was really put on one direction of the driver's network, and what became of its packets since then.
+
+    `lost` by chance, `overflowed` because the queue before the bit rate was full, `reordered` overtaken by the next one; `waiting` are on
+    their way now. `held` is for how many seconds one was held, in the mean.
+    """
+
+    lab: NetworkLab
+    taken: Count = 0
+    lost: Count = 0
+    overflowed: Count = 0
+    reordered: Count = 0
+    waiting: Count = 0
+    held: Seconds = 0.0
+
+
+# --- robot → server and page -----------------------------------------------------------------------------------------
+
+
+class Connection(Message, frozen=True, kw_only=True):
+    """`connection`: retained, and the agent's last will (CONNECTIONBROKEN). One whose boot is not the last ONLINE's is ignored."""
+
+    boot: Id
+    state: Literal["ONLINE", "OFFLINE", "CONNECTIONBROKEN"]
+    stamp: Stamp
+    reason: Reason = ""
+
+
+class Factsheet(Message, frozen=True, kw_only=True):
+    """`factsheet`: retained; what this robot is and can do. `watchdog` is what stops its base when the agent is dead."""
+
+    name: Id
+    series: Name
+    rca: Name
+    agent_version: Name
+    boot: Id
+    capabilities: tuple[Capability, ...]
+    limits: Limits
+    footprint: Annotated[tuple[Point, ...], Meta(min_length=3, max_length=64)]
+    camera: Camera | None = None
+    tilt: TiltRange | None = None
+    laser: Laser | None = None
+    map_id: Name = ""
+    watchdog: Positive
+    viewers: Annotated[int, Meta(ge=0, le=64)] = 8
+
+
+class State(Message, frozen=True, kw_only=True):
+    """`state`: four times a second and on every change that matters; the record of the session is made of these.
+
+    `clearance` is the smallest distance in metres from the footprint to anything since the last state, `contacts` how many
+    collisions began, `distance` the metres driven by odometry since the boot. `visitor_silence` is the time in seconds since the
+    driver's last heartbeat on either way. `refused` counts refusals by reason since the last state. While the assistance changes what
+    the driver asks for, `assist_why` says why in one word, and `assist_point` what it minds, in metres in the robot's frame.
+    `call` says how far the driver's voice and face get, absent when the driver sends neither; `screens` how many pages show them.
+    `control_network` and `video_network` are there while the robot makes the driver's network worse, as `config` told it to.
+    """
+
+    stamp: Stamp
+    boot: Id
+    seq: Count
+    session: Id | None = None
+    epoch: Count = 0
+    pose: Pose
+    velocity: Velocity
+    battery: Battery
+    docked: bool = False
+    tilt: Radians | None = None
+    mode: Mode = "manual"
+    assist: AssistLevel = "off"
+    safety: Safety = Safety()
+    errors: Annotated[tuple[Reason, ...], Meta(max_length=16)] = ()
+    clearance: NotNegative | None = None
+    contacts: Count = 0
+    distance: NotNegative = 0.0
+    visitor_silence: Seconds | None = None
+    viewers: Count = 0
+    applied: Annotated[tuple[AppliedCommand, ...], Meta(max_length=64)] = ()
+    refused: Annotated[dict[Name, Count], Meta(max_length=64)] = {}
+    assist_why: Name = ""
+    assist_point: Point | None = None
+    call: CallState | None = None
+    screens: Count = 0
+    control_network: LabReport | None = None
+    video_network: LabReport | None = None
+
+
+class PoseUpdate(Message, frozen=True, kw_only=True):
+    """`pose`: the small, fast one for the page; `assist_why` and `assist_point` as in `state`."""
+
+    stamp: Stamp
+    pose: Pose
+    velocity: Velocity
+    tilt: Radians | None = None
+    assist_why: Name = ""
+    assist_point: Point | None = None
+
+
+class Scan(Message, frozen=True, kw_only=True):
+    """`scan`: ranges in metres from `angle_min` on, counter-clockwise, `null` where nothing came back."""
+
+    stamp: Stamp
+    angle_min: Radians
+    angle_increment: Radians
+    range_max: Positive
+    ranges: Annotated[tuple[NotNegative | None, ...], Meta(max_length=2000)]
+
+
+class Path(Message, frozen=True, kw_only=True):
+    """`path`: what the robot will follow by itself, in map metres; empty when it follows nothing."""
+
+    stamp: Stamp
+    points: Annotated[tuple[Point, ...], Meta(max_length=2000)]
+
+
+class Event(Message, frozen=True, kw_only=True):
+    """`event`: something that happened once. `seq` is that of the next state, so that events and states share one order."""
+
+    stamp: Stamp
+    boot: Id
+    seq: Count
+    session: Id | None = None
+    epoch: Count = 0
+    type: Literal[
+        "docked", "undocked", "charging", "goal_reached", "goal_blocked", "collision", "estop", "estop_cleared", "stopped", "photo",
+        "session_closed", "lease_taken", "lease_expired", "adapter_lost", "adapter_back", "localization_lost", "localization_found",
+        "door_changed",
+    ]  # fmt: skip
+    action_id: Id | None = None
+    sha256: Annotated[str, Meta(max_length=64)] | None = None
+    last_seq: Count | None = None
+    detail: Reason = ""
+
+
+class ActionStatus(Message, frozen=True, kw_only=True):
+    """`action`: how far an action is. `reason` is one word or a short sentence when it FAILED or was CANCELLED."""
+
+    action_id: Id
+    status: ActionState
+    stamp: Stamp
+    type: Name = ""
+    reason: Reason = ""
+    result: Annotated[dict[Name, float | str | bool | None], Meta(max_length=16)] = {}
+
+
+class Words(Message, frozen=True, kw_only=True):
+    """`words`: what the driver said to the people at the robot, or they to the driver; `aloud` is to be spoken. Nobody records it."""
+
+    stamp: Stamp
+    action_id: Id
+    session: Id
+    by: Literal["driver", "screen"]
+    who: Name = ""
+    text: Annotated[str, Meta(min_length=1, max_length=500)]
+    language: Annotated[str, Meta(max_length=16)] = ""
+    aloud: bool = False
+
+
+class Echo(Message, frozen=True, kw_only=True):
+    """What was last heard from a peer: its own n and stamp, and when it arrived by the echoing side's clock."""
+
+    peer: Id
+    n: Count
+    stamp: Stamp
+    received: Stamp
+
+
+class Heartbeat(Message, frozen=True, kw_only=True):
+    """`heartbeat`: five times a second from the robot on every way, with the last beat of each peer echoed."""
+
+    n: Count
+    stamp: Stamp
+    echoes: Annotated[tuple[Echo, ...], Meta(max_length=16)] = ()
+
+
+class MediaClock(Message, frozen=True, kw_only=True):
+    """`media` (data channel only): turns an RTP timestamp of the picture into the robot's time of capture.
+
+    capture stamp = `stamp` + ((rtp - `rtp`) modulo 2^32, as a signed difference) / `rate`.
+    """
+
+    rtp: Annotated[int, Meta(ge=0, le=2**32 - 1)]
+    stamp: Stamp
+    rate: Annotated[int, Meta(ge=1, le=10**6)] = 90000
+
+
+# --- server → robot (and page → robot on the data channel) -----------------------------------------------------------
+
+
+class LeaseLimits(Message, frozen=True, kw_only=True):
+    """What a lease allows, below what the robot allows itself; absent means the robot's own limit."""
+
+    linear: Positive | None = None
+    angular: Positive | None = None
+    command_age: Positive | None = None
+    frame_age: Positive | None = None
+
+
+class Lease(Message, frozen=True, kw_only=True):
+    """`lease`: retained; who drives. Valid for `ttl` seconds from its receipt, renewed with a growing `renewal`.
+
+    A copy that the broker delivers from its store (retain = 1) tells the epoch and never permits driving. `methods`, `ways` and
+    `actions` are the only input methods, ways of control and types of actions that the driver is allowed (else: `not_allowed`); absent
+    means all. Nobody is kept from `stop`, `estop` and `cancel`.
+    """
+
+    session: Id
+    epoch: Count
+    peer: Id
+    who: Name
+    renewal: Count
+    stamp: Stamp
+    ttl: Annotated[float, Meta(gt=0.0, le=60.0)] = 10.0
+    limits: LeaseLimits = LeaseLimits()
+    video: Literal["required", "none"] = "required"
+    assist: AssistLevel | None = None
+    methods: Annotated[tuple[InputMethod, ...], Meta(max_length=16)] | None = None
+    ways: Annotated[tuple[Way, ...], Meta(max_length=4)] | None = None
+    actions: Annotated[tuple[Name, ...], Meta(max_length=32)] | None = None
+
+
+class VelocityCommand(Message, frozen=True, kw_only=True):
+    """`command/velocity`: 10 to 20 times a second while driving. `frame` is the capture stamp of the picture the visitor saw."""
+
+    session: Id
+    epoch: Count
+    seq: Count
+    stamp: Stamp
+    linear: LinearSpeed
+    angular: AngularSpeed
+    method: InputMethod
+    frame: Stamp | None = None
+
+
+class CommandHeartbeat(Message, frozen=True, kw_only=True):
+    """`command/heartbeat`: the visitor's page (or the server) is there. `peer` is stamped by the server, ignored on the data channel."""
+
+    n: Count
+    stamp: Stamp
+    peer: Id = "page"
+    echo: Echo | None = None
+    frame_age: Seconds | None = None
+
+
+class Action(Message, frozen=True, kw_only=True):
+    """Base of `command/action`: idempotent by `action_id`, refused when older than 3 s or retained.
+
+    `role` and `user` say who asks; the server stamps them, a page's own are discarded.
+    """
+
+    action_id: Id
+    stamp: Stamp
+    session: Id | None = None
+    epoch: Count = 0
+    role: Literal["driver", "observer", "screen", "staff", "owner", "server"] = "driver"
+    user: Name = ""
+
+
+class Goto(Action, frozen=True, kw_only=True, tag_field="type", tag="goto"):
+    """Drive to a point of the map, or to a named place."""
+
+    x: Metres | None = None
+    y: Metres | None = None
+    theta: Radians | None = None
+    place: Name | None = None
+
+
+class Follow(Action, frozen=True, kw_only=True, tag_field="type", tag="follow"):
+    """Drive along a line drawn by a controller."""
+
+    points: Annotated[tuple[Point, ...], Meta(min_length=1, max_length=500)]
+
+
+class Dock(Action, frozen=True, kw_only=True, tag_field="type", tag="dock"):
+    """Drive to the charging station and dock."""
+
+
+class Undock(Action, frozen=True, kw_only=True, tag_field="type", tag="undock"):
+    """Back out of the charging station."""
+
+
+class Cancel(Action, frozen=True, kw_only=True, tag_field="type", tag="cancel"):
+    """Cancel the action `target`, or whatever runs."""
+
+    target: Id | None = None
+
+
+class Stop(Action, frozen=True, kw_only=True, tag_field="type", tag="stop"):
+    """Brake now. `seq` comes from the velocity counter and kills every lower one; accepted at any age, epoch and lease."""
+
+    seq: Count = 0
+
+
+class EStop(Action, frozen=True, kw_only=True, tag_field="type", tag="estop"):
+    """Brake now and stay so, across a restart of the agent, until `clear_estop`."""
+
+    detail: Reason = ""
+
+
+class ClearEStop(Action, frozen=True, kw_only=True, tag_field="type", tag="clear_estop"):
+    """Let the robot move again; only from the server, with role `staff` or `owner` and a user."""
+
+
+class Tilt(Action, frozen=True, kw_only=True, tag_field="type", tag="tilt"):
+    """Tilt the head to `angle`: 0 is level, positive looks down."""
+
+    angle: Radians
+
+
+class Photo(Action, frozen=True, kw_only=True, tag_field="type", tag="photo"):
+    """Take a picture; the JPEG follows on `photo/<actionId>`, its SHA-256 in the event."""
+
+
+class Relocalize(Action, frozen=True, kw_only=True, tag_field="type", tag="relocalize"):
+    """Tell the robot where it is; without a pose it searches the whole map."""
+
+    x: Metres | None = None
+    y: Metres | None = None
+    theta: Radians | None = None
+
+
+class Say(Action, frozen=True, kw_only=True, tag_field="type", tag="say"):
+    """Say a short text to whoever is on the other side: from the driver to the robot's screen, `aloud` or only shown; or back (role `screen`)."""
+
+    text: Annotated[str, Meta(min_length=1, max_length=500)]
+    language: Annotated[str, Meta(max_length=16)] = ""
+    aloud: bool = True
+
+
+class Call(Action, frozen=True, kw_only=True, tag_field="type", tag="call"):
+    """What the driver wants to be heard and seen by at the robot, whenever that changes; `ringing` false hangs up.
+
+    `volume` is how loud the visitor wants to be there, of what the robot's own volume allows.
+    """
+
+    ringing: bool = True
+    audio: bool = False
+    video: bool = False
+    volume: Share = 1.0
+
+
+class AnswerCall(Action, frozen=True, kw_only=True, tag_field="type", tag="answer_call"):
+    """Somebody at the robot's screen lets the visitor through, or does not; only from role `screen`."""
+
+    accept: bool
+
+
+class ResendStates(Action, frozen=True, kw_only=True, tag_field="type", tag="resend_states"):
+    """Publish the states `first` … `last` of `boot` again from the agent's buffer."""
+
+    boot: Id
+    first: Count
+    last: Count
+
+
+AnyAction = Goto | Follow | Dock | Undock | Cancel | Stop | EStop | ClearEStop | Tilt | Photo | Relocalize | Say | Call | AnswerCall | ResendStates
+
+# Accepted whatever the lease says; everything else needs the lease, or a role that the kernel checks.
+UNCONDITIONAL: tuple[type[Action], ...] = (Stop, EStop)
+
+
+class Config(Message, frozen=True, kw_only=True):
+    """`config`: retained; what the server sets on the robot. `calls`: whether a visitor must be let through at the robot's screen.
+
+    `control_network` is put on the driver's velocities and actions on their way to the wheels, whichever way they came; never on stop, estop,
+    cancel, heartbeats and what others send. `video_network` is put on picture and sound on their way to the driver alone. They are for the
+    session `network_session`, and for every one when that is absent.
+    """
+
+    stamp: Stamp
+    assist: AssistLevel = "off"
+    control_network: NetworkLab | None = None
+    video_network: NetworkLab | None = None
+    network_session: Id | None = None
+    doors: Annotated[dict[Name, Literal["open", "closed"]], Meta(max_length=64)] = {}
+    calls: Literal["accept", "ask"] = "accept"
+
+
+class FloorPlanUpdate(Message, frozen=True, kw_only=True):
+    """`floorplan`: retained; the map of ROS map_server, whole, because the agent has no database.
+
+    `image` is a PNG in base64 and `sha256` its digest; `resolution` in metres a pixel; `origin` (x, y, theta) of the lower left corner.
+    `plan` is the site's plan.json (rooms, doors, docks, places), absent when the site has none.
+    """
+
+    map_id: Name
+    sha256: Annotated[str, Meta(pattern=r"^[0-9a-f]{64}$")]
+    resolution: Annotated[float, Meta(gt=0.0, le=10.0)]
+    origin: tuple[Metres, Metres, Radians]
+    negate: bool = False
+    occupied_thresh: Share = 0.65
+    free_thresh: Share = 0.196
+    image: Annotated[str, Meta(max_length=700_000)]
+    plan: dict[str, Any] | None = None
+
+
+# --- signalling ------------------------------------------------------------------------------------------------------
+
+Sdp = Annotated[str, Meta(max_length=64_000)]
+
+
+class IceServer(Message, frozen=True, kw_only=True):
+    """One entry of RTCPeerConnection's iceServers."""
+
+    urls: Annotated[tuple[Annotated[str, Meta(max_length=300)], ...], Meta(min_length=1, max_length=8)]
+    username: Annotated[str, Meta(max_length=300)] = ""
+    credential: Annotated[str, Meta(max_length=300)] = ""
+
+
+class Offer(Message, frozen=True, kw_only=True, tag_field="type", tag="offer"):
+    """`signal/<peer>`: the page always offers. Role, session and epoch are stamped by the server."""
+
+    sdp: Sdp
+    role: Role = "observer"
+    session: Id | None = None
+    epoch: Count = 0
+    who: Name = ""
+    ice_servers: Annotated[tuple[IceServer, ...], Meta(max_length=8)] = ()
+
+
+class Answer(Message, frozen=True, kw_only=True, tag_field="type", tag="answer"):
+    """`signal/<peer>/reply`: the agent answers, with all of its candidates in the SDP."""
+
+    sdp: Sdp
+
+
+class Candidate(Message, frozen=True, kw_only=True, tag_field="type", tag="candidate"):
+    """A trickled ICE candidate of the page; an empty `candidate` says there are no more."""
+
+    candidate: Annotated[str, Meta(max_length=2000)] = ""
+    sdp_mid: Annotated[str, Meta(max_length=64)] | None = None
+    sdp_m_line_index: Annotated[int, Meta(ge=0, le=64)] | None = None
+
+
+class Bye(Message, frozen=True, kw_only=True, tag_field="type", tag="bye"):
+    """Either side ends the connection; `reason` is one word: `replaced`, `lease_changed`, `full`, `failed`, `left`."""
+
+    reason: Reason = ""
+
+
+Signal = Offer | Candidate | Bye
+SignalReply = Answer | Candidate | Bye
+
+
+# --- pictures without WebRTC -----------------------------------------------------------------------------------------
+
+
+class PictureRequest(Message, frozen=True, kw_only=True):
+    """`command/picture`: one more picture through the server, for a page that no WebRTC path reaches. The server stamps `peer`.
+
+    It acknowledges the picture before it: `seen` is that one's capture stamp. `round_trip` is how long a small message takes from the
+    page to the robot and back, by the page's clock; what a picture takes longer is due to its size.
+    """
+
+    stamp: Stamp
+    peer: Id = "page"
+    seen: Stamp | None = None
+    round_trip: Seconds | None = None
+
+
+class ServerNews(Message, frozen=True, kw_only=True):
+    """`telepresence/v1/server/session/<id>`: what the session manager tells the web processes about one session.
+
+    `data` is for the page that drives: with type `task`, what it shows of the task.
+    """
+
+    QUEUE: ClassVar[str] = "queue"
+
+    type: Literal["queue", "granted", "state", "warning", "idle", "ended", "stop", "message", "task"]
+    stamp: Stamp
+    session: Id
+    state: Name = ""
+    outcome: Name = ""
+    place: Count | None = None
+    minutes: NotNegative | None = None
+    remaining: Seconds | None = None
+    text: Reason = ""
+    data: Annotated[dict[Name, Any], Meta(max_length=32)] = {}

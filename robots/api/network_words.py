@@ -1,0 +1,88 @@
+"""What makes a network worse, in the words of a command line and of tables: `delay=150,jitter=30,loss=2,reorder=1,rate=400`.
+
+Milliseconds, percent and kbit/s, because networks are talked about in these; messages and studies have SI units and shares.
+"""
+
+import math
+from typing import Protocol
+
+from robots.api.messages import NetworkLab
+
+MS, PERCENT, KBIT = 1e-3, 1e-2, 1e3
+# Of each word: the least and the greatest value, in its own unit, and what it is called in a sentence.
+RANGES = {
+    "delay": (0.0, 10_000.0, "milliseconds"),
+    "jitter": (0.0, 10_000.0, "milliseconds"),
+    "loss": (0.0, 100.0, "percent"),
+    "reorder": (0.0, 100.0, "percent"),
+    "rate": (1.0, 1e6, "kbit/s"),
+}
+EXAMPLE = "delay=150,jitter=30,loss=2"
+
+
+class Impairing(Protocol):
+    """What can be put into words: `NetworkLab`, and what a study's condition says."""
+
+    @property
+    def delay(self) -> float:
+        """Seconds."""
+
+    @property
+    def jitter(self) -> float:
+        """Seconds."""
+
+    @property
+    def loss(self) -> float:
+        """A share."""
+
+    @property
+    def reorder(self) -> float:
+        """A share."""
+
+    @property
+    def bitrate(self) -> float | None:
+        """bit/s."""
+
+
+def parse(text: str, seed: int = 0) -> NetworkLab:
+    """Return what the words say.
+
+    Raises:
+        ValueError: they say nothing that can be done; one sentence.
+    """
+    values: dict[str, float] = {}
+    for part in text.split(","):
+        name, equals, value = (piece.strip() for piece in part.partition("="))
+        if not equals or name not in RANGES:
+            raise ValueError(f"{part.strip()!r} says nothing about a network: write {EXAMPLE}, with {', '.join(RANGES)}")
+        if name in values:
+            raise ValueError(f"{name} stands there twice")
+        values[name] = _number(name, value)
+    if values.get("jitter", 0.0) > values.get("delay", 0.0):
+        raise ValueError("jitter changes the delay by up to so much either way, so it cannot be greater than the delay")
+    return NetworkLab(
+        delay=values.get("delay", 0.0) * MS, jitter=values.get("jitter", 0.0) * MS, loss=values.get("loss", 0.0) * PERCENT,
+        reorder=values.get("reorder", 0.0) * PERCENT, bitrate=values["rate"] * KBIT if "rate" in values else None, seed=seed,
+    )  # fmt: skip
+
+
+def spell(network: Impairing | None) -> str:
+    """Return what makes a network worse in words, without what does not; empty for a clean one."""
+    if network is None:
+        return ""
+    values = {
+        "delay": network.delay / MS, "jitter": network.jitter / MS, "loss": network.loss / PERCENT, "reorder": network.reorder / PERCENT,
+        "rate": 0.0 if network.bitrate is None else network.bitrate / KBIT,
+    }  # fmt: skip
+    return ",".join(f"{name}={value:.6g}" for name, value in values.items() if value)
+
+
+def _number(name: str, text: str) -> float:
+    least, most, unit = RANGES[name]
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not least <= value <= most:
+        raise ValueError(f"{name} is a number of {unit} from {least:.0f} to {most:.0f}, not {text!r}")
+    return value

@@ -1,0 +1,179 @@
+"""Writes the reference: `python -m robots.api.reference` from the top of the project.
+
+docs/reference/robot-api.md and its JSON Schema come from the docstrings, the topic table and robots.api.examples, and so do the
+golden messages that both languages' tests read. A test compares all of them with what stands in the tree.
+"""
+
+import inspect
+import json
+import sys
+import typing
+from pathlib import Path
+
+import msgspec
+
+from robots.api import messages as m
+from robots.api import topics
+from robots.api.examples import EXAMPLES, SERVER_NEWS
+from robots.api.schema import json_schema
+
+REFERENCE = "docs/reference/robot-api.md"
+SCHEMA = "docs/reference/robot-api.schema.json"
+GOLDEN = "tests/golden"
+_RANGES = (("ge", "≥ {}"), ("gt", "> {}"), ("le", "≤ {}"), ("lt", "< {}"), ("min_length", "at least {} long"), ("max_length", "at most {} long"))
+
+_INTRODUCTION = """\
+# Robot API, version {version}
+
+<!-- Written by `python -m robots.api.reference`; change the docstrings instead. -->
+
+What robots, servers and pages say to each other. This page and [robot-api.schema.json](robot-api.schema.json) are enough to write
+an agent in any language.
+
+## Ground rules
+
+- A robot dials out: one MQTT connection, with the user name and the token that its owner got from the site. Nothing connects to it.
+- Topics are `{root}/<robot>/<suffix>`. A robot writes only its own outputs and reads only its own inputs; its name is made of
+  lower-case letters, digits and hyphens.
+- A message is a JSON object in UTF-8 with names in camelCase. Fields at their default may be left out. Unknown fields are ignored.
+- Metres, radians, seconds; x forward, y left, angles counter-clockwise. `stamp` is Unix time in seconds by the sender's own clock.
+- What is malformed, too large, out of range or of the wrong direction is counted and dropped; it never ends a connection.
+- On the data channel `control` (unordered, no retransmission) and on the page's WebSocket a frame is the suffix, a newline, and the
+  same JSON.
+- An agent connects with a clean session, publishes `connection` and `factsheet` after each connect, names CONNECTIONBROKEN as its last
+  will, and says ONLINE again when it reads on its own `connection` topic that it is not.
+
+## What an agent must do by itself
+
+Stop, when in doubt. A velocity command moves the robot only when its session and epoch are those of a live lease, its seq is newer than
+every one before, and it is young enough by the clock offset that heartbeats gave; without a command for the factsheet's `deadman` the
+robot brakes. `stop` and `estop` are obeyed from any sender, at any age, under any lease. A lease lives for `ttl` seconds *from its
+receipt*, and a copy that the broker delivers from its store (retain = 1) never permits driving.
+
+Between two visits there is no lease, and the server orders by itself what makes the robot ready for the next: `dock`, `tilt` (its
+home), `relocalize` and `photo`, with role `server`. Such a photo is a trial of the camera and is not kept. The next visitor is called
+when the robot says in `state` that it is docked, localized and charged, has given that picture, and echoes the server's heartbeats.
+"""
+
+
+def reference() -> str:
+    """Return the reference as Markdown."""
+    parts = [_INTRODUCTION.format(version=m.VERSION, root=topics.ROOT), _topic_table(), "## Messages\n"]
+    parts += [_topic_section(topic) for topic in (*topics.TABLE, *topics.DATA_CHANNEL_ONLY)]
+    parts += ["## Parts\n", *(_class_section(kind, "###") for kind in _parts())]
+    parts += ["## Between servers\n", _class_section(m.ServerNews, "###"), *(_example(name, news) for name, news in SERVER_NEWS.items())]
+    return "\n".join(parts).rstrip() + "\n"
+
+
+def golden_files() -> dict[str, str]:
+    """Return name → text of the golden files: one a topic, `{"suffix": …, "messages": {name: message}}`."""
+    named = {**EXAMPLES, "server/session/+": SERVER_NEWS}
+    return {_file_name(suffix): _json({"suffix": suffix, "messages": msgspec.to_builtins(examples)}) for suffix, examples in named.items()}
+
+
+def generated_files() -> dict[str, str]:
+    """Return path → text of everything that this module writes."""
+    golden = {f"{GOLDEN}/{name}": text for name, text in golden_files().items()}
+    return {REFERENCE: reference(), SCHEMA: _json(json_schema()), **golden}
+
+
+def classes(content: object) -> list[type[m.Message]]:
+    """Return the message classes that a topic carries."""
+    return [kind for kind in (typing.get_args(content) or (content,)) if inspect.isclass(kind) and issubclass(kind, m.Message)]
+
+
+def _file_name(suffix: str) -> str:
+    return suffix.replace("/+", "").replace("/", "-") + ".json"
+
+
+def _json(value: object) -> str:
+    return json.dumps(value, indent=2, ensure_ascii=False) + "\n"
+
+
+def _topic_table() -> str:
+    rows = ["## Topics\n", "| suffix | direction | QoS | retained | at most | content |", "| --- | --- | --- | --- | --- | --- |"]
+    for topic in topics.TABLE:
+        way = "robot →" if topic.direction == "from_robot" else "→ robot"
+        retained = "yes" if topic.retained else "no"
+        rows.append(f"| `{topic.suffix}` | {way} | {topic.qos} | {retained} | {topic.limit // topics.KIB} KiB | {topic.doc} |")
+    rows += [f"| `{t.suffix}` | robot → page, data channel only | | | {t.limit // topics.KIB} KiB | {t.doc} |" for t in topics.DATA_CHANNEL_ONLY]
+    return "\n".join(rows) + "\n"
+
+
+def _topic_section(topic: topics.Topic) -> str:
+    head = f"### `{topic.suffix}`\n\n{topic.doc[0].upper()}{topic.doc[1:]}.\n"
+    if topic.content is bytes:
+        return head + "\nBytes, no JSON.\n"
+    body = [_class_section(kind, "####") for kind in classes(topic.content)]
+    return "\n".join([head, *body, *(_example(name, message) for name, message in EXAMPLES[topic.suffix].items())])
+
+
+def _example(name: str, message: m.Message) -> str:
+    return f"Example, {name}:\n\n```json\n{_json(msgspec.to_builtins(message))}```\n"
+
+
+def _class_section(kind: type[m.Message], heading: str) -> str:
+    lines = [f"{heading} {kind.__name__}\n", inspect.cleandoc(kind.__doc__ or "") + "\n", "| field | type | when left out |", "| --- | --- | --- |"]
+    if tag := kind.__struct_config__.tag:
+        lines.append(f'| `{kind.__struct_config__.tag_field}` | `"{tag}"` | required |')
+    lines += [_field_row(field) for field in msgspec.structs.fields(kind)]
+    return "\n".join(lines) + "\n"
+
+
+def _field_row(field: msgspec.structs.FieldInfo) -> str:
+    default = "required" if field.required else f"`{json.dumps(_default(field))}`"
+    return f"| `{field.encode_name}` | {_type_words(field.type)} | {default} |"
+
+
+def _default(field: msgspec.structs.FieldInfo) -> object:
+    made = field.default_factory() if callable(field.default_factory) else field.default
+    return msgspec.to_builtins(made)
+
+
+def _type_words(kind: object) -> str:
+    """Return a type as a reader of the table wants it: its name, and its range in words."""
+    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
+    if origin is typing.Annotated:
+        return _type_words(arguments[0]) + _range_words(arguments[1])
+    if origin is typing.Literal:
+        return " \\| ".join(f'`"{word}"`' for word in arguments)
+    if origin is tuple:
+        many = len(arguments) == 2 and arguments[1] is Ellipsis  # noqa: PLR2004 -- tuple[x, ...]
+        return f"list of {_type_words(arguments[0])}" if many else f"[{', '.join(_type_words(argument) for argument in arguments)}]"
+    if origin is dict:
+        return f"object of {_type_words(arguments[1])}"
+    if arguments:
+        return " or ".join(_type_words(argument) for argument in arguments)
+    names = {typing.Any: "anything", type(None): "null", float: "number", int: "integer", str: "string", bool: "true or false"}
+    return names.get(typing.cast("type", kind), f"[{getattr(kind, '__name__', kind)}](#{getattr(kind, '__name__', '').lower()})")
+
+
+def _range_words(meta: msgspec.Meta) -> str:
+    words = [text.format(_number(value)) for name, text in _RANGES if (value := getattr(meta, name)) is not None]
+    if meta.pattern is not None:
+        words.append(f"`{meta.pattern}`")
+    return f" ({', '.join(words)})" if words else ""
+
+
+def _number(value: float) -> str:
+    return f"{value:,}" if isinstance(value, int) else f"{value:g}"
+
+
+def _parts() -> list[type[m.Message]]:
+    """Return the classes that stand inside messages and are no message of a topic themselves, in the order of the module."""
+    carried = {kind for topic in (*topics.TABLE, *topics.DATA_CHANNEL_ONLY) for kind in classes(topic.content)}
+    every = [kind for kind in vars(m).values() if inspect.isclass(kind) and issubclass(kind, m.Message)]
+    return [kind for kind in every if kind not in carried and kind not in {m.Message, m.Action, m.ServerNews}]
+
+
+def main() -> None:
+    """Write every generated file below the current directory."""
+    for name, text in generated_files().items():
+        path = Path(name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        sys.stdout.write(f"{name}\n")
+
+
+if __name__ == "__main__":
+    main()

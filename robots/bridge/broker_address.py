@@ -1,0 +1,110 @@
+"""Where the broker is, by one URL: mqtt://, mqtts://, ws:// or wss://, with a user and password in it or without."""
+
+import math
+import socket
+import ssl
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+import aiomqtt
+
+PORTS = {"mqtt": 1883, "mqtts": 8883, "ws": 80, "wss": 443}
+# A broker that stops answering is noticed after 1.5 of these.
+KEEPALIVE_SECONDS = 5
+CONNECT_SECONDS = 5.0
+# Far above what a web process has on its way at any moment; beyond it the bridge refuses instead of queueing.
+MAX_INFLIGHT = 1000
+REFUSED = 0x80
+
+
+class BadAddress(ValueError):  # noqa: N818 -- named for what it is about
+    """A broker URL that cannot be used; the message is one sentence for the operator."""
+
+
+@dataclass(frozen=True)
+class BrokerAddress:
+    """A parsed broker URL; `path` is that of a WebSocket."""
+
+    host: str
+    port: int
+    tls: bool = False
+    websocket: bool = False
+    path: str = ""
+    username: str | None = None
+    password: str | None = None
+
+
+def parse(url: str) -> BrokerAddress:
+    """Return the parts of a broker URL.
+
+    Raises:
+        BadAddress: an unknown scheme, no host, or an impossible port.
+    """
+    try:
+        parts = urlsplit(url)
+        port = parts.port
+    except ValueError as error:
+        raise BadAddress(f"The broker's address “{url}” cannot be read: {error}.") from error
+    if parts.scheme not in PORTS or not parts.hostname:
+        raise BadAddress(f"The broker's address “{url}” must begin with {', '.join(f'{scheme}://' for scheme in PORTS)} and name a host.")
+    websocket = parts.scheme in {"ws", "wss"}
+    return BrokerAddress(
+        host=parts.hostname,
+        port=port or PORTS[parts.scheme],
+        tls=parts.scheme in {"mqtts", "wss"},
+        websocket=websocket,
+        path=(parts.path or "/mqtt") if websocket else "",
+        username=unquote(parts.username) if parts.username else None,
+        password=unquote(parts.password) if parts.password else None,
+    )
+
+
+def client(
+    address: BrokerAddress,
+    credentials: tuple[str, str],
+    identifier: str,
+    queue: Callable[..., Any] | None = None,
+    *,
+    clean_session: bool = True,
+) -> aiomqtt.Client:
+    """Return a client; a user named in the URL goes before `credentials`. Call it inside the loop.
+
+    `queue` is the class that takes what arrives (see `aiomqtt.Client.queue_type`). Without `clean_session` the broker keeps
+    subscriptions, and what comes for them at QoS 1, while the client is away.
+    """
+    username, password = (address.username, address.password) if address.username else credentials
+    return aiomqtt.Client(
+        address.host,
+        address.port,
+        username=username,
+        password=password,
+        identifier=identifier,
+        queue_type=queue,  # type: ignore[arg-type]
+        clean_session=clean_session,
+        timeout=CONNECT_SECONDS,
+        keepalive=KEEPALIVE_SECONDS,
+        max_inflight_messages=MAX_INFLIGHT,
+        max_queued_outgoing_messages=MAX_INFLIGHT,
+        transport="websockets" if address.websocket else "tcp",
+        websocket_path=address.path or None,
+        tls_context=ssl.create_default_context() if address.tls else None,
+        socket_options=[(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)],
+    )
+
+
+def backoff(attempt: int, chance: float, *, first: float = 0.2, ceiling: float = 0.8) -> float:
+    """Return how many seconds to wait before attempt number `attempt` (0 is the first retry).
+
+    Doubles up to the ceiling, which is low, because a server has few processes and a lease that is not renewed for ten seconds ends a
+    drive; `chance` in [0, 1) spreads clients over the upper half, so that a restarted broker is not met by all of them at once.
+    """
+    whole = min(ceiling, first * math.pow(2.0, min(attempt, 30)))
+    return whole * (0.5 + 0.5 * chance)
+
+
+def check_subscribed(answers: Iterable[Any]) -> None:
+    """Raise MqttError when the broker refused a subscription, which it says in the answer and not by an error."""
+    if any(int(getattr(answer, "value", answer)) >= REFUSED for answer in answers):
+        raise aiomqtt.MqttError("a subscription was refused")

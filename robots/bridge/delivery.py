@@ -1,0 +1,127 @@
+"""Who listens to which robot and which session, and the sorting of what arrives: no connection, no clock of its own."""
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import msgspec
+
+from robots.api import codec, picture, topics
+from robots.api.errors import Rejection
+from robots.api.messages import Lease, ServerNews
+from robots.bridge.known import KnownRobot
+
+# Suffixes of letters that no robot wrote: the connection to the broker came (True) or went (False); news of a session.
+LINK, NEWS = "link", "news"
+_news = msgspec.json.Decoder(ServerNews)
+
+
+@dataclass(frozen=True)
+class Letter:
+    """One message on its way to a listener: decoded once for all of them, and as the frame that pages get (binary for a picture)."""
+
+    suffix: str
+    message: Any
+    frame: str | bytes = ""
+
+
+class Listener(Protocol):
+    """Whoever is told what a robot or a server said; called on the loop, must return at once and must not raise."""
+
+    def hear(self, letter: Letter) -> None:
+        """Take one letter."""
+
+
+class Delivery:
+    """Listeners by robot, followers by session, and what is known of each robot that somebody listens to."""
+
+    def __init__(self) -> None:
+        self.known: dict[str, KnownRobot] = {}
+        self._listeners: dict[str, set[Listener]] = {}
+        self._followers: dict[str, set[Listener]] = {}
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """Robots that somebody listens to."""
+        return tuple(self._listeners)
+
+    def listen(self, robot: str, listener: Listener) -> bool:
+        """Add a listener; True for the first one of this robot."""
+        self.known.setdefault(robot, KnownRobot(robot))
+        first = robot not in self._listeners
+        self._listeners.setdefault(robot, set()).add(listener)
+        return first
+
+    def ignore(self, robot: str, listener: Listener) -> bool:
+        """Remove a listener; True when it was the last one, after which nothing is known of the robot."""
+        listeners = self._listeners.get(robot)
+        if listeners is None:
+            return False
+        listeners.discard(listener)
+        if listeners:
+            return False
+        del self._listeners[robot]
+        self.known.pop(robot, None)
+        return True
+
+    def follow(self, session: str, listener: Listener) -> None:
+        """Bring the news of a session to a listener."""
+        self._followers.setdefault(session, set()).add(listener)
+
+    def unfollow(self, session: str, listener: Listener) -> None:
+        """Stop bringing them."""
+        followers = self._followers.get(session, set())
+        followers.discard(listener)
+        if not followers:
+            self._followers.pop(session, None)
+
+    def arrive(self, topic: str, payload: bytes, now: float) -> None:
+        """Decode a message, note it, and bring it to whoever listens; `now` is monotonic seconds.
+
+        Raises:
+            Rejection: it is not what its topic promises.
+        """
+        if topic.startswith(topics.session_news("")):
+            self.bring_news(_decode_news(payload))
+            return
+        parsed = topics.parse(topic)
+        if parsed is None or (known := self.known.get(parsed[0])) is None:
+            return
+        suffix = parsed[1]
+        message = None if suffix == "lease" and not payload else codec.decode(suffix, payload)
+        if known.take(suffix, message, now):
+            frame = picture.frame(payload) if picture.is_picture(suffix) else f"{suffix}\n{payload.decode('utf-8', 'replace')}"
+            self.bring(known.name, Letter(suffix, message, frame))
+
+    def note_lease(self, robot: str, lease: Lease | None, now: float) -> None:
+        """Act on a lease that this process is about to publish, without waiting for it to come back."""
+        known = self.known.get(robot)
+        if known is not None:
+            known.take_lease(lease, now, certain=True)
+            self.bring(robot, Letter("lease", lease))
+
+    def lose_sight(self) -> None:
+        """Forget which robots are connected: the connection to the broker is gone, and only a new word counts."""
+        for known in self.known.values():
+            known.connection = None
+
+    def bring(self, robot: str, letter: Letter) -> None:
+        """Bring a letter to everybody who listens to a robot."""
+        for listener in tuple(self._listeners.get(robot, ())):
+            listener.hear(letter)
+
+    def bring_everybody(self, letter: Letter) -> None:
+        """Bring a letter to everybody who listens to any robot."""
+        for robot in self.robots:
+            self.bring(robot, letter)
+
+    def bring_news(self, news: ServerNews) -> None:
+        """Bring news to everybody who follows their session."""
+        for follower in tuple(self._followers.get(news.session, ())):
+            follower.hear(Letter(NEWS, news))
+
+
+def _decode_news(payload: bytes) -> ServerNews:
+    try:
+        return _news.decode(payload)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise Rejection("malformed", f"news: {error}") from error

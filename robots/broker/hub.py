@@ -1,0 +1,265 @@
+"""The embedded broker's mind: sessions, subscriptions, retained messages. No sockets, no clock, no database.
+
+A connection hands over what it read (connect, publish, subscribe, …) and is told what to write through its `Link`. What it keeps to
+(OASIS MQTT 3.1.1): QoS 0 and 1 outwards and the lesser of a message's and a subscription's; QoS 2 inwards, delivered once; retained
+messages; wills; persistent sessions, which live as long as this process; a second connection of the same client takes over.
+Beyond the standard: a session belongs to its user as well as to its client id, so that nobody can take another one's over; nobody
+publishes or subscribes, nor leaves a will, past their permissions; everything that could grow has a bound.
+"""
+
+import logging
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from msgspec.structs import replace
+
+from robots.broker import packets
+from robots.broker.filters import is_filter, matches
+from robots.broker.packets import Connect, Publish, Subscribe
+from robots.broker.permissions import BrokerUser
+
+logger = logging.getLogger(__name__)
+
+WINDOW = 200  # QoS 1 messages sent and not yet acknowledged
+QUEUE_BYTES = 64 * 1024 * 1024  # of one session
+MAX_RETAINED = 10_000
+MAX_FILTERS = 1_000  # of one session
+MAX_LEFT_SESSIONS = 4  # persistent sessions of one user that nobody is connected to
+KNOWN_ROUTES = 8_192
+KNOWN_TOPICS = 1_000  # of one session
+
+
+class Link(Protocol):
+    """A connection as the hub sees it. `is_ready` is false while the other end reads too slowly."""
+
+    is_ready: bool
+
+    def write(self, data: bytes) -> None:
+        """Send bytes."""
+
+    def kick(self) -> None:
+        """Close at once, without waiting for the other end."""
+
+
+@dataclass(eq=False)
+class Session:
+    """What the broker keeps of one client."""
+
+    user: BrokerUser
+    client_id: str
+    clean: bool
+    link: Link | None = None
+    will: Publish | None = None
+    left_at: float = 0.0
+    filters: dict[str, int] = field(default_factory=dict)
+    inflight: dict[int, Publish] = field(default_factory=dict)
+    queue: deque[Publish] = field(default_factory=deque)
+    queued_bytes: int = 0
+    dropped: int = 0
+    received: set[int] = field(default_factory=set)  # QoS 2 messages between PUBLISH and PUBREL
+    last_id: int = 0
+    permitted: set[str] = field(default_factory=set)  # topics that were found permitted, so that they need not be matched again
+
+    def may_publish(self, topic: str) -> bool:
+        """Tell whether this client may publish there."""
+        if topic in self.permitted:
+            return True
+        if not self.user.permissions.may_publish(topic):
+            return False
+        if len(self.permitted) >= KNOWN_TOPICS:
+            self.permitted.clear()
+        self.permitted.add(topic)
+        return True
+
+    def free_id(self) -> int:
+        """Return a packet id that is not in flight."""
+        while True:
+            self.last_id = self.last_id % 0xFFFF + 1
+            if self.last_id not in self.inflight:
+                return self.last_id
+
+
+class Hub:
+    """Routes messages between sessions. `now` is monotonic seconds."""
+
+    def __init__(self) -> None:
+        self.sessions: dict[tuple[str, str], Session] = {}
+        self.retained: dict[str, Publish] = {}
+        self._subscribers: dict[str, dict[Session, int]] = {}
+        self._routes: dict[str, tuple[tuple[Session, int], ...]] = {}
+
+    # --- coming and going ---------------------------------------------------------------------------------------------
+
+    def connect(self, connect: Connect, user: BrokerUser, link: Link, now: float) -> tuple[Session | None, int, bool]:
+        """Return (session, CONNACK code, session present) of a user whose password was right; the session is None when refused."""
+        if not connect.client_id and not connect.clean:
+            return None, packets.BAD_CLIENT_ID, False
+        if connect.will is not None and not user.permissions.may_publish(connect.will.topic):
+            logger.warning("broker_will_refused user=%s topic=%.200r", user.name, connect.will.topic)
+            return None, packets.NOT_AUTHORIZED, False
+        key = (user.name, connect.client_id or f"anonymous-{id(link)}")
+        old = self.sessions.get(key)
+        if old is not None and old.link is not None:
+            logger.info("broker_take_over user=%s client=%.80r", *key)
+            old.link.kick()
+            self.leave(old, old.link, graceful=False, now=now)
+            old = self.sessions.get(key)
+        present = old is not None and not connect.clean
+        if old is not None and not present:
+            self._forget(old)
+        session = old if old is not None and present else Session(user, key[1], connect.clean)
+        self.sessions[key] = session
+        session.user, session.link, session.will = user, link, connect.will
+        session.permitted.clear()
+        return session, packets.ACCEPTED, present
+
+    def resume(self, session: Session) -> None:
+        """Send again what a returning session did not acknowledge, and then what waited for it."""
+        if session.link is not None:
+            for message in session.inflight.values():
+                session.link.write(packets.publish(replace(message, dup=True)))
+        self.push(session)
+
+    def leave(self, session: Session, link: Link, *, graceful: bool, now: float) -> None:
+        """A connection ended; without a good-bye its will is published. Does nothing when another one has taken over."""
+        if session.link is not link:
+            return
+        session.link, session.left_at = None, now
+        will, session.will = session.will, None
+        if session.clean:
+            self._forget(session)
+        else:
+            self._bound_left_sessions(session.user.name)
+        if will is not None and not graceful:
+            self.publish(session, will)
+
+    def set_users(self, users: dict[str, BrokerUser], now: float) -> None:
+        """Part with every session whose user is gone, has another key, or may do other things than before."""
+        for session in [s for s in self.sessions.values() if users.get(s.user.name) != s.user]:
+            logger.info("broker_revoked user=%s client=%.80r", session.user.name, session.client_id)
+            if session.link is not None:
+                session.link.kick()
+                self.leave(session, session.link, graceful=False, now=now)
+            self._forget(session)
+
+    def expire(self, before: float) -> None:
+        """Forget persistent sessions that were left earlier than this."""
+        for session in [s for s in self.sessions.values() if s.link is None and s.left_at < before]:
+            self._forget(session)
+
+    def _bound_left_sessions(self, user: str) -> None:
+        left = sorted((s for s in self.sessions.values() if s.user.name == user and s.link is None), key=lambda s: s.left_at)
+        for session in left[:-MAX_LEFT_SESSIONS]:
+            self._forget(session)
+
+    def _forget(self, session: Session) -> None:
+        self.unsubscribe(session, tuple(session.filters))
+        if self.sessions.get((session.user.name, session.client_id)) is session:
+            del self.sessions[session.user.name, session.client_id]
+
+    # --- subscriptions ------------------------------------------------------------------------------------------------
+
+    def subscribe(self, session: Session, subscribe: Subscribe) -> list[int]:
+        """Return a SUBACK's codes. Send the SUBACK, and then `send_retained`."""
+        return [self._subscribe_one(session, filter_, min(qos, 1)) for filter_, qos in subscribe.filters]
+
+    def _subscribe_one(self, session: Session, filter_: str, qos: int) -> int:
+        permitted = is_filter(filter_) and session.user.permissions.may_subscribe(filter_)
+        if not permitted or (len(session.filters) >= MAX_FILTERS and filter_ not in session.filters):
+            logger.warning("broker_subscribe_refused user=%s filter=%.200r", session.user.name, filter_)
+            return packets.SUBSCRIPTION_REFUSED
+        session.filters[filter_] = qos
+        self._subscribers.setdefault(filter_, {})[session] = qos
+        self._routes.clear()
+        return qos
+
+    def send_retained(self, session: Session, subscribe: Subscribe, codes: list[int]) -> None:
+        """Send the retained messages under the filters that were granted."""
+        for (filter_, _), qos in zip(subscribe.filters, codes, strict=True):
+            if qos != packets.SUBSCRIPTION_REFUSED:
+                for message in [m for topic, m in self.retained.items() if matches(filter_, topic)]:
+                    self._enqueue(session, replace(message, qos=min(qos, message.qos)))
+        self.push(session)
+
+    def unsubscribe(self, session: Session, filters: tuple[str, ...]) -> None:
+        """Forget subscriptions; unknown ones are no error."""
+        for filter_ in filters:
+            if session.filters.pop(filter_, None) is not None:
+                subscribers = self._subscribers[filter_]
+                del subscribers[session]
+                if not subscribers:
+                    del self._subscribers[filter_]
+                self._routes.clear()
+
+    # --- messages -----------------------------------------------------------------------------------------------------
+
+    def publish(self, session: Session, message: Publish) -> None:
+        """Deliver a client's message, unless it may not publish there: then it is dropped and logged, as Mosquitto does."""
+        if not session.may_publish(message.topic):
+            logger.warning("broker_publish_refused user=%s topic=%.200r", session.user.name, message.topic)
+            return
+        if message.retain:
+            self._retain(message)
+        at_most_once = b""
+        for target, granted in self._route(message.topic):
+            if min(granted, message.qos) == 0:
+                at_most_once = at_most_once or packets.publish(Publish(message.topic, message.payload))
+                self._send_at_most_once(target, at_most_once)
+            else:
+                self._enqueue(target, Publish(message.topic, message.payload, qos=1))
+                self.push(target)
+
+    def acknowledge(self, session: Session, packet_id: int) -> None:
+        """A client has a QoS 1 message; send the next ones."""
+        session.inflight.pop(packet_id, None)
+        self.push(session)
+
+    def push(self, session: Session) -> None:
+        """Send what waits for a session, as far as it keeps up."""
+        link = session.link
+        while link is not None and link.is_ready and session.queue and len(session.inflight) < WINDOW:
+            message = session.queue.popleft()
+            session.queued_bytes -= len(message.payload)
+            if message.qos:
+                message = replace(message, packet_id=session.free_id())
+                session.inflight[message.packet_id] = message
+            link.write(packets.publish(message))
+
+    def _route(self, topic: str) -> tuple[tuple[Session, int], ...]:
+        known = self._routes.get(topic)
+        if known is None:
+            best: dict[Session, int] = {}
+            for filter_, subscribers in self._subscribers.items():
+                if matches(filter_, topic):
+                    for session, qos in subscribers.items():
+                        best[session] = max(qos, best.get(session, 0))
+            if len(self._routes) >= KNOWN_ROUTES:
+                self._routes.clear()
+            known = self._routes[topic] = tuple(best.items())
+        return known
+
+    def _retain(self, message: Publish) -> None:
+        if not message.payload:
+            self.retained.pop(message.topic, None)
+        elif message.topic in self.retained or len(self.retained) < MAX_RETAINED:
+            self.retained[message.topic] = Publish(message.topic, message.payload, min(message.qos, 1), retain=True)
+        else:
+            logger.error("broker_retained_full topic=%.200r", message.topic)
+
+    @staticmethod
+    def _send_at_most_once(session: Session, data: bytes) -> None:
+        if session.link is not None and session.link.is_ready:
+            session.link.write(data)
+        elif session.link is not None:
+            session.dropped += 1
+
+    @staticmethod
+    def _enqueue(session: Session, message: Publish) -> None:
+        if session.queued_bytes + len(message.payload) > QUEUE_BYTES:
+            session.dropped += 1
+            if session.dropped % 1000 == 1:
+                logger.error("broker_queue_full user=%s client=%.80r dropped=%d", session.user.name, session.client_id, session.dropped)
+            return
+        session.queue.append(message)
+        session.queued_bytes += len(message.payload)

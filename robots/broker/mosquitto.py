@@ -1,0 +1,227 @@
+"""Mosquitto as our child: the same users, hashes, permissions and limits, written into its own files.
+
+The files lie in a directory of ours. When the database says something new they are written again and Mosquitto is told by SIGHUP,
+upon which it disconnects whoever is no longer welcome. It dies with us, also when we are killed (Linux: PR_SET_PDEATHSIG).
+
+Two differences from the embedded broker are Mosquitto's own (2.0): it hangs up on a client that publishes with QoS 1 what it may not,
+and whoever knows a client id takes its session over, also another user. Client ids are therefore random, or made from a secret.
+"""
+
+import asyncio
+import ctypes
+import logging
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from robots.broker.hub import QUEUE_BYTES, WINDOW
+from robots.broker.permissions import BrokerUser
+from robots.broker.users import MAX_PACKET, POLL_SECONDS, SESSION_SECONDS, ReadUsers, UsersUnavailableError
+
+logger = logging.getLogger(__name__)
+
+START_SECONDS = 10.0
+STOP_SECONDS = 5.0
+SBIN = ("/usr/sbin", "/usr/local/sbin", "/opt/homebrew/sbin")  # Debian and macOS keep it off the PATH of ordinary users
+PR_SET_PDEATHSIG = 1
+EVERYWHERE = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104 -- where to try a broker that listens everywhere
+
+
+class MosquittoError(Exception):
+    """Mosquitto did not start, or ended by itself; the message is for the operator."""
+
+
+@dataclass(frozen=True)
+class Tls:
+    """Paths of the server's certificate chain and its key, PEM."""
+
+    certificate: Path
+    key: Path
+
+
+def find() -> str | None:
+    """Return the path of the mosquitto program, or None when it is not installed."""
+    return shutil.which("mosquitto", path=os.pathsep.join([os.environ.get("PATH", ""), *SBIN]))
+
+
+def configuration(host: str, port: int, directory: Path, tls: Tls | None = None, user: str | None = None) -> str:
+    """Return mosquitto.conf; `user` is whom to run as when started by root."""
+    lines = [
+        f"listener {port} {host}",
+        "allow_anonymous false",
+        f"password_file {directory / 'passwords'}",
+        f"acl_file {directory / 'permissions'}",
+        "persistence true",
+        f"persistence_location {directory}/",
+        "autosave_interval 60",
+        f"persistent_client_expiration {int(SESSION_SECONDS // 3600)}h",
+        # The bound is in bytes: a count would drop a session's states after minutes without the session manager.
+        "max_queued_messages 0",
+        f"max_queued_bytes {QUEUE_BYTES}",
+        f"max_inflight_messages {WINDOW}",
+        f"max_packet_size {MAX_PACKET}",
+        "set_tcp_nodelay true",
+        "log_dest stderr",
+        *(f"log_type {kind}" for kind in ("error", "warning", "notice")),
+        "connection_messages true",
+    ]
+    if tls is not None:
+        lines += [f"certfile {tls.certificate}", f"keyfile {tls.key}"]
+    if user is not None:
+        lines.append(f"user {user}")
+    return "\n".join(lines) + "\n"
+
+
+def password_file(users: dict[str, BrokerUser]) -> str:
+    """Return Mosquitto's password file."""
+    return "".join(f"{user.name}:{user.credential_hash}\n" for user in users.values())
+
+
+def permission_file(users: dict[str, BrokerUser]) -> str:
+    """Return Mosquitto's ACL file; who is not named in it may do nothing."""
+    lines: list[str] = []
+    for user in users.values():
+        lines.append(f"user {user.name}")
+        lines += [f"topic write {topic}" for topic in user.permissions.write]
+        lines += [f"topic read {topic}" for topic in user.permissions.read]
+    return "\n".join(lines) + "\n"
+
+
+def write_private(path: Path, text: str, mode: int = 0o600) -> None:
+    """Write a file that only its owner can read (or whom `mode` adds), in one step, so that Mosquitto never sees half of it."""
+    draft = path.with_suffix(".new")
+    draft.unlink(missing_ok=True)
+    descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+    with os.fdopen(descriptor, "w") as file:
+        file.write(text)
+    draft.replace(path)
+
+
+def usable_port(host: str, port: int) -> int:
+    """Return the port, or a free one for 0, which Mosquitto itself cannot choose.
+
+    Raises:
+        OSError: the address cannot be had; Mosquitto would only say so in its log.
+    """
+    family, kind, _, _, address = socket.getaddrinfo(host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
+    with socket.socket(family, kind) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # connections that ended a moment ago do not count
+        probe.bind(address)
+        probe.listen()
+        return int(probe.getsockname()[1])
+
+
+class MosquittoBroker:
+    """A Mosquitto on one port, with its files in `directory`."""
+
+    name = "mosquitto"
+
+    def __init__(self, read_users: ReadUsers, directory: Path, *, poll: float = POLL_SECONDS) -> None:
+        self._read_users, self._directory, self._poll = read_users, directory, poll
+        self._users: dict[str, BrokerUser] = {}
+        self._child: subprocess.Popen[bytes] | None = None
+
+    async def start(self, host: str, port: int, tls: Tls | None = None) -> int:
+        """Start Mosquitto, wait until it answers, and return the port (a free one when asked for 0).
+
+        Raises:
+            MosquittoError: it is not installed, or did not start.
+            OSError: the address cannot be had.
+            UsersUnavailableError: the database cannot be read.
+        """
+        program = find()
+        if program is None:
+            raise MosquittoError("mosquitto is not installed (Debian: apt install mosquitto)")
+        port = usable_port(host, port)
+        self._directory.mkdir(parents=True, exist_ok=True)
+        self._directory.chmod(0o700)
+        self._write_users(await self._read_users())
+        # By itself it would become the user `mosquitto` when started by root, who cannot read our directory.
+        user = "root" if sys.platform != "win32" and os.geteuid() == 0 else None
+        write_private(self._directory / "mosquitto.conf", configuration(host, port, self._directory, tls, user))
+        self._child = _spawn([program, "-c", str(self._directory / "mosquitto.conf")])
+        await self._answering(host, port)
+        return port
+
+    async def wait(self) -> None:
+        """Keep Mosquitto's files as the database has it.
+
+        Raises:
+            MosquittoError: it ended by itself.
+        """
+        while True:
+            await asyncio.sleep(self._poll)
+            self._must_live()
+            try:
+                users = await self._read_users()
+            except UsersUnavailableError as error:
+                logger.warning("broker_users_unavailable reason=%s", error)
+                continue
+            if users != self._users:
+                self._write_users(users)
+                self._reload()
+
+    async def stop(self) -> None:
+        """End Mosquitto, which saves its sessions first."""
+        child, self._child = self._child, None
+        if child is None or child.poll() is not None:
+            return
+        child.terminate()
+        try:
+            await asyncio.to_thread(child.wait, STOP_SECONDS)
+        except subprocess.TimeoutExpired:
+            child.kill()
+            await asyncio.to_thread(child.wait)
+
+    def _write_users(self, users: dict[str, BrokerUser]) -> None:
+        write_private(self._directory / "passwords", password_file(users))
+        write_private(self._directory / "permissions", permission_file(users))
+        self._users = users
+
+    def _reload(self) -> None:
+        if self._child is not None and sys.platform != "win32":
+            logger.info("broker_users_changed users=%d", len(self._users))
+            self._child.send_signal(signal.SIGHUP)
+
+    def _must_live(self) -> None:
+        code = self._child.poll() if self._child is not None else None
+        if code is not None:
+            raise MosquittoError(f"mosquitto ended with code {code}; its own words stand above")
+
+    async def _answering(self, host: str, port: int) -> None:
+        deadline = asyncio.get_running_loop().time() + START_SECONDS
+        address = EVERYWHERE.get(host, host)
+        while True:
+            self._must_live()
+            try:
+                _, writer = await asyncio.open_connection(address, port)
+            except OSError as error:
+                if asyncio.get_running_loop().time() > deadline:
+                    await self.stop()
+                    raise MosquittoError(f"mosquitto does not answer on port {port}") from error
+                await asyncio.sleep(0.02)
+                continue
+            writer.close()
+            # Another program may own the port: Mosquitto then ends at once.
+            await asyncio.sleep(0.05)
+            self._must_live()
+            return
+
+
+def _spawn(command: list[str]) -> "subprocess.Popen[bytes]":
+    if sys.platform != "linux":
+        return subprocess.Popen(command)  # noqa: S603 -- a program that we found, with our own file
+    prctl, parent = ctypes.CDLL(None, use_errno=True).prctl, os.getpid()
+
+    def die_with_parent() -> None:
+        prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+        if os.getppid() != parent:  # it died before the line above
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    # A session of its own: Ctrl-C reaches us, and we end it in order.
+    return subprocess.Popen(command, preexec_fn=die_with_parent, start_new_session=True)  # noqa: PLW1509, S603 -- two system calls, no lock

@@ -1,0 +1,56 @@
+"""Who may connect, read from the database; and the limits that both brokers share."""
+
+from collections.abc import Awaitable, Callable
+from functools import cache
+
+from channels.db import database_sync_to_async
+from django.db import DatabaseError
+from django.utils import timezone
+from django.utils.crypto import salted_hmac
+
+from robots.api import topics
+from robots.broker.permissions import BrokerUser, of_robot, of_server
+from robots.credentials import SALT_BYTES, SERVER_USERS, STORED, ServerPart, hash_token, server_credentials, users_of
+from robots.models import Robot
+
+# The largest payload of the Robot API, and room for its topic and header.
+MAX_PACKET = max(topic.limit for topic in topics.TABLE) + topics.KIB
+POLL_SECONDS = 2.0
+SESSION_SECONDS = 24 * 3600.0  # how long a persistent session waits for its client
+
+ReadUsers = Callable[[], Awaitable[dict[str, BrokerUser]]]
+
+
+class UsersUnavailableError(Exception):
+    """The database could not be read; what was known before stays valid."""
+
+
+@cache
+def _server_hash(part: ServerPart) -> str:
+    # The salt follows from the secret key like the password: every process writes the same, and what has not changed looks the same.
+    salt = salted_hmac("robots.broker.salt", part, algorithm="sha256").digest()[:SALT_BYTES]
+    return hash_token(server_credentials(part)[1], salt=salt)
+
+
+def _server_users() -> list[BrokerUser]:
+    return [BrokerUser(name, _server_hash(part), of_server()) for part, name in SERVER_USERS.items()]
+
+
+def _robot_users() -> list[BrokerUser]:
+    rows, now = Robot.objects.filter(enabled=True).exclude(credential_hash="").only("name", *STORED), timezone.now()
+    return [BrokerUser(user, kept, of_robot(robot.name)) for robot in rows.order_by("name") for user, kept in users_of(robot, now).items()]
+
+
+def users_now() -> dict[str, BrokerUser]:
+    """Return every user by name: the server's own processes, and the enabled robots that have credentials.
+
+    Raises:
+        UsersUnavailableError: the database could not be read.
+    """
+    try:
+        return {user.name: user for user in (*_server_users(), *_robot_users())}
+    except DatabaseError as error:
+        raise UsersUnavailableError(str(error)) from error
+
+
+read_users: ReadUsers = database_sync_to_async(users_now)

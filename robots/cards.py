@@ -1,0 +1,181 @@
+"""What a page shows of a robot: one state, one sentence, one button. Pure: the caller says how many drive and wait, and when it is."""
+
+import datetime
+import math
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+from django.utils.timesince import timesince
+from django.utils.translation import gettext as _
+from django.utils.translation import ngettext
+
+from robots.models import Robot
+from robots.presence import trouble_of
+
+CardState = Literal["available", "busy", "stopped", "offline"]
+STATES: tuple[CardState, ...] = get_args(CardState)  # in the order of a list
+PICTURES = frozenset({"giraff", "rhodon"})  # the series that have a picture of their own
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """Who is at a robot: whether somebody drives it, how many wait, and how many minutes whoever came now would, None when nobody can tell."""
+
+    driven: bool = False
+    waiting: int = 0
+    minutes: float | None = None
+
+
+@dataclass(frozen=True)
+class Card:
+    """A robot as the list shows it, in the language of the request.
+
+    `charge` is in percent, None when the robot has not said; `drives` tells that the button means driving, now or in turn.
+    """
+
+    name: str
+    title: str
+    description: str
+    place: str
+    picture: str
+    state: CardState
+    label: str
+    detail: str
+    charge: int | None
+    battery: str
+    action: str
+    drives: bool
+    url: str
+
+
+def card(robot: Robot, traffic: Traffic, *, barred: str, url: str, now: datetime.datetime) -> Card:
+    """Return what to show of `robot`.
+
+    Args:
+        robot: with its floor plan at hand.
+        traffic: who drives and waits.
+        barred: why this visitor may not drive, a word of robots.access, empty when they may.
+        url: where the button leads.
+        now: the time to measure "last seen" by.
+    """
+    state = _state(robot, traffic, now)
+    away = _instead(robot, state, traffic)
+    drives = state in {"available", "busy"} and not barred
+    charge, charging = _battery(robot.report) if state != "offline" else (None, False)
+    return Card(
+        name=robot.name,
+        title=robot.title or robot.name,
+        description=robot.description,
+        place=robot.floor_plan.title if robot.floor_plan else "",
+        picture=picture_of(robot),
+        state=state,
+        label=away[0] if away else _label(state),
+        detail=_barred(barred) or (away[1] if away else _detail(state, robot, traffic, now)),
+        charge=charge,
+        battery="" if charge is None else _charge(charge, charging=charging),
+        action=_action(state, robot.title or robot.name, drives=drives),
+        drives=drives,
+        url=url,
+    )
+
+
+def _state(robot: Robot, traffic: Traffic, now: datetime.datetime) -> CardState:
+    if not robot.is_online(now):
+        return "offline"
+    if _is_latched(robot) or trouble_of(robot.report):
+        return "stopped"
+    return "busy" if traffic.driven or traffic.waiting or _away(robot) else "available"
+
+
+def _is_latched(robot: Robot) -> bool:
+    return _part(robot.report, "safety").get("estop") is True
+
+
+def _instead(robot: Robot, state: CardState, traffic: Traffic) -> tuple[str, str] | None:
+    """Return the label and the sentence of a robot that nobody is kept from by another visitor or by a person there; None when there are none."""
+    if state == "stopped" and not _is_latched(robot):
+        return _("Not available"), _("Its own control does not answer. It comes back when that does.")
+    return _away(robot) if state == "busy" and not traffic.driven else None
+
+
+def _away(robot: Robot) -> tuple[str, str] | None:
+    """Return what a robot does between two visits, as a label and a sentence; None when it is ready."""
+    if robot.held:
+        return _("Not ready"), _("Its visits are paused for now. You can wait in line.")
+    if not robot.returns_home:
+        return None
+    words = {
+        Robot.Turnaround.RETURNING: (_("On its way home"), _("It docks first. You can wait in line.")),
+        Robot.Turnaround.CHARGING: (_("Charging"), _("It charges first. You can wait in line.")),
+        Robot.Turnaround.PAUSED: (_("Not ready"), _("It could not get ready for the next visit. It tries again by itself.")),
+    }
+    return words.get(Robot.Turnaround(robot.turnaround))
+
+
+def _label(state: CardState) -> str:
+    return {"available": _("Free now"), "busy": _("In use"), "stopped": _("Stopped"), "offline": _("Offline")}[state]
+
+
+def _detail(state: CardState, robot: Robot, traffic: Traffic, now: datetime.datetime) -> str:
+    if state == "available":
+        return _("Ready when you are.")
+    if state == "stopped":
+        return _("Its emergency stop is on. Somebody there has to release it.")
+    if state == "busy":
+        return _line(traffic)
+    if robot.last_seen_at is None:
+        return _("It has not been connected yet.")
+    return _("Last seen %(time)s ago.") % {"time": timesince(robot.last_seen_at, now, depth=1)}
+
+
+def _line(traffic: Traffic) -> str:
+    """Return which place in the queue one would have, and for how long."""
+    if traffic.minutes is None:
+        if not traffic.waiting:
+            return _("Somebody is driving. You would be next.")
+        return ngettext("%(n)d visitor waits in line.", "%(n)d visitors wait in line.", traffic.waiting) % {"n": traffic.waiting}
+    words = {"place": traffic.waiting + 1, "minutes": max(1, math.ceil(traffic.minutes))}
+    if not traffic.waiting:
+        return _("Somebody is driving. You would be next, in about %(minutes)d min.") % words
+    return _("You would be number %(place)d in line, for about %(minutes)d min.") % words
+
+
+def _barred(reason: str) -> str:
+    words = {
+        "not_invited": _("By invitation of its owner."),
+        "not_trained": _("For trained users."),
+        "disabled": _("Switched off by its owner."),
+    }
+    return words.get(reason, "")
+
+
+def _action(state: CardState, title: str, *, drives: bool) -> str:
+    if not drives:
+        return _("Open its page")
+    return _("Wait in line") if state == "busy" else _("Drive %(robot)s") % {"robot": title}
+
+
+def _charge(charge: int, *, charging: bool) -> str:
+    return (_("%(n)d %%, charging") if charging else _("%(n)d %%")) % {"n": charge}
+
+
+def _battery(report: Any) -> tuple[int | None, bool]:
+    battery = _part(report, "battery")
+    charge = battery.get("charge")
+    percent = round(charge * 100) if isinstance(charge, int | float) and 0.0 <= charge <= 1.0 else None
+    return percent, battery.get("charging") is True
+
+
+def picture_of(robot: Robot) -> str:
+    """Return the static file with the picture of a robot, or of a robot."""
+    return f"img/robots/{_picture(robot.factsheet)}.svg"
+
+
+def _picture(factsheet: Any) -> str:
+    series = factsheet.get("series") if isinstance(factsheet, dict) else None
+    return series if isinstance(series, str) and series in PICTURES else "any"
+
+
+def _part(report: Any, name: str) -> dict[str, Any]:
+    part = report.get(name) if isinstance(report, dict) else None
+    return part if isinstance(part, dict) else {}

@@ -1,0 +1,54 @@
+"""The doors of a simulated site, opened and closed from the administration while the robot drives."""
+
+from typing import Any
+
+from django.contrib import messages
+from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
+from django.shortcuts import render
+from django.utils.translation import gettext as _
+
+from accounts import audit
+from robots.models import Robot
+
+STATES = ("open", "closed")
+
+
+def doors_of(robot: Robot) -> list[dict[str, Any]]:
+    """Return the doors of a robot's site: name, title, and the state that the server has set or the plan has."""
+    plan = robot.floor_plan.plan if robot.floor_plan else {}
+    return [
+        {"name": door["name"], "title": door.get("title") or door["name"], "state": robot.doors.get(door["name"], door.get("state", "open"))}
+        for door in plan.get("doors", ())
+    ]
+
+
+def has_doors(robot: Robot) -> bool:
+    """Tell whether there is a door that the server can move: the robot says so, and its site has one."""
+    return "doors" in (robot.factsheet or {}).get("capabilities", ()) and bool(doors_of(robot))
+
+
+class DoorPage:
+    """Mixed into the robots' administration, for its permissions and its log."""
+
+    def doors_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
+        """Show the doors; a POST with `door` and `state` moves one."""
+        robot: Robot = self.managed(request, pk)  # type: ignore[attr-defined]
+        if request.method == "POST":
+            self._move(request, robot, request.POST.get("door", ""), request.POST.get("state", ""))
+            return HttpResponseRedirect(request.path)
+        context = self.admin_site.each_context(request) | {  # type: ignore[attr-defined]
+            "title": _("Doors of %(robot)s") % {"robot": robot}, "robot": robot, "opts": self.opts, "doors": doors_of(robot),  # type: ignore[attr-defined]
+            "movable": has_doors(robot),
+        }  # fmt: skip
+        return render(request, "admin/robots/robot/doors.html", context)
+
+    def _move(self, request: HttpRequest, robot: Robot, name: str, state: str) -> None:
+        titles = {door["name"]: door["title"] for door in doors_of(robot)}
+        if name not in titles or state not in STATES:
+            messages.error(request, _("There is no such door."))
+            return
+        Robot.objects.filter(pk=robot.pk).update(doors=robot.doors | {name: state})
+        text = (_("%(door)s is opened.") if state == "open" else _("%(door)s is closed.")) % {"door": titles[name]}
+        self.log_change(request, robot, text)  # type: ignore[attr-defined]
+        audit.note("door_moved", actor=request.user, robot=robot, thing=name, detail=state)
+        messages.success(request, text)

@@ -1,0 +1,84 @@
+"""Forms of the administration: a floor plan from its files."""
+
+from typing import Any
+
+from django import forms
+from django.core.files.uploadedfile import UploadedFile
+from django.template.defaultfilters import filesizeformat
+from django.utils.translation import gettext as _now
+from django.utils.translation import gettext_lazy as _
+
+from robots.floorplans import MAX_IMAGE, MAX_PLAN, MAX_YAML, FloorPlanRefusedError, read_upload
+from robots.models import FloorPlan
+
+
+class FloorPlanForm(forms.ModelForm):
+    """Takes ROS map_server's two files and, when there is one, a plan.json; the row's fields come out of them."""
+
+    map_file = forms.FileField(label=_("Map (YAML)"), required=False, help_text=_("The .yaml file of ROS map_server."))
+    image_file = forms.FileField(label=_("Image of the map"), required=False, help_text=_("The PNG or PGM file that belongs to it."))
+    plan_file = forms.FileField(
+        label=_("Plan (JSON)"), required=False, help_text=_("plan.json with rooms, doors, docks and checkpoints; the map works without it.")
+    )
+
+    class Meta:
+        model = FloorPlan
+        fields = ("name", "title")
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._values: dict[str, Any] = {}
+        if self.instance._state.adding:  # noqa: SLF001 -- Django's documented way to ask
+            for name in ("name", "title"):  # a plan.json brings both
+                self.fields[name].required = False
+
+    def clean_map_file(self) -> bytes | None:
+        """Return the YAML file's content."""
+        return _content(self.cleaned_data["map_file"], MAX_YAML)
+
+    def clean_image_file(self) -> bytes | None:
+        """Return the image file's content."""
+        return _content(self.cleaned_data["image_file"], MAX_IMAGE)
+
+    def clean_plan_file(self) -> bytes | None:
+        """Return the plan's content."""
+        return _content(self.cleaned_data["plan_file"], MAX_PLAN)
+
+    def clean(self) -> dict[str, Any]:
+        """Read the files when there are any; a new floor plan needs them."""
+        cleaned = super().clean() or self.cleaned_data
+        files = [cleaned.get(name) for name in ("map_file", "image_file", "plan_file")]
+        if self.errors:
+            return cleaned
+        if not any(files) and not self.instance._state.adding:  # noqa: SLF001 -- Django's documented way to ask
+            return cleaned
+        if files[0] is None or files[1] is None:
+            raise forms.ValidationError(_now("Choose the map's YAML file and its image."))
+        self._values = self._read(files[0], files[1], files[2], cleaned)
+        return cleaned | {"name": self._values["name"], "title": self._values["title"]}
+
+    def _read(self, map_file: bytes, image: bytes, plan: bytes | None, cleaned: dict[str, Any]) -> dict[str, Any]:
+        adding = self.instance._state.adding  # noqa: SLF001 -- as above
+        name = (cleaned.get("name") if adding else self.instance.name) or ""
+        try:
+            values = read_upload(map_file, image, plan, name=name, title=cleaned.get("title") or "")
+        except FloorPlanRefusedError as error:
+            raise forms.ValidationError(list(error.problems)) from error
+        if name and values["name"] != name:
+            words = {"map": values["name"], "name": name}
+            raise forms.ValidationError(_now("The plan.json belongs to the map “%(map)s”, not to “%(name)s”.") % words)
+        return values
+
+    def _post_clean(self) -> None:
+        # Before the model's own checks (uniqueness of the name), which must see what the files say.
+        for field, value in self._values.items():
+            setattr(self.instance, field, value)
+        super()._post_clean()
+
+
+def _content(file: UploadedFile | None, limit: int) -> bytes | None:
+    if file is None:
+        return None
+    if file.size is None or file.size > limit:
+        raise forms.ValidationError(_now("The file is larger than %(size)s.") % {"size": filesizeformat(limit)})
+    return bytes(file.read())

@@ -1,0 +1,32 @@
+"""`manage.py enrol NAME`: a one-time token with which the computer on a robot fetches its credentials."""
+
+from argparse import ArgumentParser
+from typing import Any
+
+from django.core.management.base import BaseCommand, CommandError
+from django.utils import timezone
+
+from accounts import audit
+from robots.enrolment import HOURS, make_token
+from robots.models import Robot
+
+
+class Command(BaseCommand):
+    """Make a token and print what to run on the robot."""
+
+    help = "Print the command that connects a robot's computer; its token works once."
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        parser.add_argument("robot", help="the robot's name")
+        parser.add_argument("--server", default="https://robots.example.org", help="the site's address, as the robot reaches it")
+        parser.add_argument("--hours", type=float, default=HOURS, help="how long the token is good (default: %(default)s)")
+
+    def handle(self, *_args: Any, **options: Any) -> None:
+        robot = Robot.objects.filter(name=options["robot"]).first()
+        if robot is None:
+            raise CommandError(f"There is no robot called {options['robot']}.")
+        if not options["hours"] > 0.0:
+            raise CommandError("--hours must be positive.")
+        token = make_token(robot, timezone.now(), options["hours"])
+        audit.note("enrolment_made", robot=robot)
+        self.stdout.write(f"python manage.py run_robot {robot.name} --server {options['server'].rstrip('/')} --enrol {token}")

@@ -1,0 +1,44 @@
+"""`manage.py import_floorplan DIR`: a site that was made elsewhere, into the database and to where simulators find it."""
+
+from argparse import ArgumentParser
+from pathlib import Path
+from typing import Any
+
+from django.conf import settings
+from django.core.management.base import BaseCommand, CommandError
+
+from robots.floorplans import FloorPlanRefusedError, keep_site, read_folder, store_floor_plan
+from robots.models import FloorPlan
+
+
+class Command(BaseCommand):
+    """Check a folder with map.yaml, its image and plan.json, and take it in place of an earlier one with the same map id."""
+
+    help = "Take a site from a folder with map.yaml, its image and plan.json: checked, into the database and for simulators."
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        parser.add_argument("directory", type=Path, help="the folder")
+        parser.add_argument("--check", action="store_true", help="only say what is wrong with it")
+
+    def handle(self, *_args: Any, **options: Any) -> None:
+        directory: Path = options["directory"]
+        try:
+            if options["check"]:
+                self._check(directory)
+            else:
+                self._take(directory)
+        except FloorPlanRefusedError as error:
+            raise CommandError("\n".join((f"The site in {directory} cannot be used:", *(f"  {problem}" for problem in error.problems)))) from error
+        except OSError as error:
+            raise CommandError(f"{error.filename}: {error.strerror}.") from error
+
+    def _check(self, directory: Path) -> None:
+        values = read_folder(directory)
+        self.stdout.write(f"The site {values['name']} ({values['title']}) can be used.")
+
+    def _take(self, directory: Path) -> None:
+        kept = keep_site(directory, settings.VAR_DIR / "sites")
+        known = set(FloorPlan.objects.values_list("name", flat=True))
+        plan = store_floor_plan(kept)
+        self.stdout.write(f"{'Replaced' if plan.name in known else 'Took'} the site {plan.name} ({plan.title}).")
+        self.stdout.write(f"Choose it for a robot in the admin. A simulated robot stands in it with `run_robot NAME --option plan={kept}`.")

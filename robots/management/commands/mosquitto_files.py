@@ -1,0 +1,111 @@
+"""`manage.py mosquitto_files`: users and permissions of a mosquitto that is not our child, written from the database."""
+
+import asyncio
+import logging
+import os
+import signal
+import sys
+from argparse import ArgumentParser
+from pathlib import Path
+from typing import Any
+
+from django.core.management.base import BaseCommand, CommandError
+
+from robots.broker.mosquitto import password_file, permission_file, write_private
+from robots.broker.permissions import BrokerUser
+from robots.broker.users import POLL_SECONDS, UsersUnavailableError, read_users, users_now
+
+logger = logging.getLogger(__name__)
+PID_FILE = Path("/run/mosquitto/mosquitto.pid")
+GROUP_MAY_READ = 0o640
+
+
+class Command(BaseCommand):
+    """Write `passwords` and `permissions` for mosquitto, once or whenever the database says something new."""
+
+    help = "Write the users and permissions of this machine's own mosquitto from the database, and have it read them."
+    requires_system_checks: list[str] = []
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        parser.add_argument("directory", type=Path, help="where mosquitto.conf looks for them; mosquitto's group may read what is written")
+        parser.add_argument("--watch", action="store_true", help="go on, and write again whenever robots change")
+        parser.add_argument("--reload", action="store_true", help="send mosquitto SIGHUP when something has changed")
+        parser.add_argument("--pid-file", type=Path, default=PID_FILE, help=f"whom to send it ({PID_FILE})")
+        parser.add_argument("--poll", type=float, default=POLL_SECONDS, help="seconds between two looks at the database (2)")
+
+    def handle(self, *_args: Any, **options: Any) -> None:
+        files = Files(options["directory"], options["pid_file"] if options["reload"] else None)
+        try:
+            if options["watch"]:
+                asyncio.run(files.follow(options["poll"]))
+                return
+            users = users_now()
+            changed = files.update(users)
+        except KeyboardInterrupt:
+            return
+        except (FilesError, UsersUnavailableError) as error:
+            raise CommandError(str(error)) from error
+        self.stdout.write(f"{len(users)} users {'written to' if changed else 'as before in'} {options['directory']}")
+
+
+class FilesError(Exception):
+    """The files cannot be written, or mosquitto cannot be told; the message is one sentence."""
+
+
+class Files:
+    """The two files in one directory, and the mosquitto to tell (None: somebody else tells it, or nobody needs to)."""
+
+    def __init__(self, directory: Path, pid_file: Path | None) -> None:
+        self._directory, self._pid_file = directory, pid_file
+        self._users: dict[str, BrokerUser] | None = None
+
+    def update(self, users: dict[str, BrokerUser]) -> bool:
+        """Write what is new, the permissions last, and tell mosquitto; False when nothing is.
+
+        Raises:
+            FilesError: it could not be done.
+        """
+        texts = {"passwords": password_file(users), "permissions": permission_file(users)}
+        if all(_same(self._directory / name, text) for name, text in texts.items()):
+            return False
+        try:
+            for name, text in texts.items():
+                write_private(self._directory / name, text, GROUP_MAY_READ)
+        except OSError as error:
+            raise FilesError(f"{self._directory}: {error.strerror}.") from error
+        logger.info("mosquitto_files_written users=%d", len(users))
+        self._tell()
+        return True
+
+    async def follow(self, poll: float) -> None:
+        """Keep the files as the database has it, until this process is ended; a database that is away changes nothing."""
+        while True:
+            try:
+                users = await read_users()
+            except UsersUnavailableError as error:
+                logger.warning("broker_users_unavailable reason=%s", error)
+            else:
+                if users != self._users:
+                    self.update(users)
+                    self._users = users
+            await asyncio.sleep(poll)
+
+    def _tell(self) -> None:
+        if self._pid_file is None:
+            return
+        if sys.platform == "win32":
+            raise FilesError("Mosquitto on Windows reads its files only when it starts: restart it.")
+        try:
+            os.kill(int(self._pid_file.read_text()), signal.SIGHUP)
+        except (FileNotFoundError, ProcessLookupError):
+            logger.info("mosquitto_not_running pid_file=%s", self._pid_file)  # it will read them when it starts
+        except (ValueError, OSError) as error:
+            raise FilesError(f"Mosquitto could not be told ({self._pid_file}): {error}.") from error
+
+
+def _same(path: Path, text: str) -> bool:
+    """Tell whether a file says this already."""
+    try:
+        return path.read_text() == text
+    except OSError:
+        return False

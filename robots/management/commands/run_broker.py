@@ -1,0 +1,112 @@
+"""`manage.py run_broker`: the MQTT broker between robots and server, with users and permissions from the database."""
+
+import asyncio
+import contextlib
+import os
+import signal
+import ssl
+from argparse import ArgumentParser
+from pathlib import Path
+from typing import Any
+
+from django.conf import settings
+from django.core.management.base import BaseCommand, CommandError
+
+from robots.broker import mosquitto
+from robots.broker.embedded import EmbeddedBroker
+from robots.broker.mosquitto import MosquittoBroker, MosquittoError, Tls
+from robots.broker.users import POLL_SECONDS, UsersUnavailableError, read_users
+
+
+class Command(BaseCommand):
+    """Run Mosquitto when it is installed, and the embedded broker otherwise."""
+
+    help = "Run the MQTT broker: Mosquitto when it is installed, the embedded one otherwise. Port 0 takes a free one."
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        parser.add_argument("--host", default="127.0.0.1", help="address to listen on (127.0.0.1)")
+        parser.add_argument("--port", type=int, default=1883, help="port (1883; 0 takes a free one)")
+        parser.add_argument("--require", choices=("mosquitto", "embedded"), help="take this broker, or fail")
+        parser.add_argument("--certificate", type=Path, help="certificate chain (PEM), for TLS")
+        parser.add_argument("--key", type=Path, help="key of the certificate (PEM)")
+        parser.add_argument("--poll", type=float, default=POLL_SECONDS, help="seconds between two looks at the database (2)")
+
+    def handle(self, *_args: Any, **options: Any) -> None:
+        tls = _tls(options["certificate"], options["key"])
+        broker = _broker(options["require"], options["poll"])
+        try:
+            asyncio.run(self._serve(broker, options["host"], options["port"], tls))
+        except KeyboardInterrupt:
+            return
+        except (MosquittoError, UsersUnavailableError) as error:
+            raise CommandError(str(error)) from error
+        except ssl.SSLError as error:
+            raise CommandError(f"The certificate and key cannot be used: {error}") from error
+        except OSError as error:
+            raise CommandError(f"The broker cannot listen on {options['host']}:{options['port']}: {_reason(error)}.") from error
+
+    async def _serve(self, broker: EmbeddedBroker | MosquittoBroker, host: str, port: int, tls: Tls | None) -> None:
+        ended = asyncio.Event()
+        _end_on_signals(ended)
+        try:
+            bound = await _start(broker, host, port, tls)
+            scheme = "mqtt" if tls is None else "mqtts"
+            shown = f"[{host}]" if ":" in host else host
+            self.stdout.write(f"broker listening {scheme}://{shown}:{bound} ({broker.name})")
+            self.stdout.flush()
+            await _first(broker.wait(), ended.wait())
+        finally:
+            await broker.stop()
+
+
+def _reason(error: OSError) -> str:
+    """Return the system's own word; asyncio wraps it in one with the address, which we have said already."""
+    return os.strerror(error.errno) if error.errno else str(error)
+
+
+def _tls(certificate: Path | None, key: Path | None) -> Tls | None:
+    if (certificate is None) != (key is None):
+        raise CommandError("TLS needs both --certificate and --key.")
+    if certificate is None or key is None:
+        return None
+    for path in (certificate, key):
+        if not path.is_file():
+            raise CommandError(f"{path} does not exist.")
+    return Tls(certificate.resolve(), key.resolve())
+
+
+def _broker(required: str | None, poll: float) -> EmbeddedBroker | MosquittoBroker:
+    if required == "mosquitto" or (required is None and mosquitto.find() is not None):
+        return MosquittoBroker(read_users, settings.VAR_DIR / "broker", poll=poll)
+    return EmbeddedBroker(read_users, poll=poll)
+
+
+async def _start(broker: EmbeddedBroker | MosquittoBroker, host: str, port: int, tls: Tls | None) -> int:
+    if isinstance(broker, MosquittoBroker):
+        return await broker.start(host, port, tls)
+    if tls is None:
+        return await broker.start(host, port)
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(tls.certificate, tls.key)
+    return await broker.start(host, port, context)
+
+
+async def _first(*waits: Any) -> None:
+    """Wait for the first to end; its exception is ours."""
+    tasks = [asyncio.ensure_future(wait) for wait in waits]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+def _end_on_signals(ended: asyncio.Event) -> None:
+    loop = asyncio.get_running_loop()
+    # Windows has neither SIGHUP nor signal handlers of loops: there Ctrl-C arrives as KeyboardInterrupt.
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        with contextlib.suppress(NotImplementedError, AttributeError):
+            loop.add_signal_handler(getattr(signal, name), ended.set)

@@ -1,0 +1,31 @@
+"""`manage.py run_robot NAME`: the robot's agent. On the server's own machine it finds credentials and broker by itself."""
+
+from argparse import ArgumentParser
+from typing import Any
+
+from django.conf import settings
+from django.core.management.base import BaseCommand, CommandError
+
+from robots import log_ids
+from robots.agent.agent import Agent, run_until_signalled
+from robots.agent.config import ConfigError, add_arguments, load
+from robots.agent.enrolment import enrol_if_asked
+
+
+class Command(BaseCommand):
+    """Run the agent of one robot until Ctrl-C; the same as `python -m robots.agent`."""
+
+    help = "Run the agent of a robot: on the robot's own computer with --server and --credentials, here with its name alone."
+    requires_system_checks: list[str] = []
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        add_arguments(parser)
+
+    def handle(self, *_args: Any, **options: Any) -> None:
+        log_ids.of_process(robot=options["robot"])
+        here = {} if options["var"] else {"var": settings.VAR_DIR}
+        try:
+            enrol_if_asked({**options, **here})
+            run_until_signalled(Agent(load({**options, **here})))
+        except ConfigError as error:
+            raise CommandError(str(error)) from error

@@ -1,0 +1,26 @@
+"""`manage.py screen_link NAME`: a new address for the robot's own display."""
+
+from argparse import ArgumentParser
+from typing import Any
+
+from django.core.management.base import BaseCommand, CommandError
+from django.utils import timezone
+
+from robots.models import Robot
+from robots.screens import make_screen_key, screen_address
+
+
+class Command(BaseCommand):
+    """Make a new screen key and print the address to open on the robot's display."""
+
+    help = "Print a new address for the display on a robot; the one before stops working."
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        parser.add_argument("robot", help="the robot's name")
+        parser.add_argument("--server", default="http://127.0.0.1:8000", help="the site's address (default: %(default)s)")
+
+    def handle(self, *_args: Any, **options: Any) -> None:
+        robot = Robot.objects.filter(name=options["robot"]).first()
+        if robot is None:
+            raise CommandError(f"There is no robot called {options['robot']}.")
+        self.stdout.write(screen_address(robot, make_screen_key(robot, timezone.now()), options["server"].rstrip("/")))

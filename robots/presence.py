@@ -1,0 +1,134 @@
+"""What a robot last said of itself, kept in its row: pure rules, and a writer that spares the database.
+
+A will can arrive seconds after the robot is back (a half-open connection that the broker gave up late), so OFFLINE and
+CONNECTIONBROKEN of another boot than the last ONLINE's are ignored.
+"""
+
+import datetime
+from dataclasses import dataclass, field
+from typing import Any
+
+import msgspec
+
+from robots.api.messages import Connection, Factsheet, Message, State
+from robots.models import Robot
+
+WRITE_SECONDS = 2.0
+UNKNOWN_SECONDS = 10.0
+AT_ONCE = frozenset({"connection", "boot", "factsheet"})
+LOST = "adapter_lost: "  # robots.agent.pilot: how an agent says that it does not reach the robot that it is the agent of
+
+
+def changes(robot: Robot, message: Message, now: datetime.datetime, *, retained: bool = False) -> dict[str, Any]:
+    """Return the fields of a robot's row that a message changes.
+
+    Args:
+        robot: the row as it is known.
+        message: a Connection, Factsheet or State of this robot; others change nothing.
+        now: when the message came.
+        retained: the broker had it in store, so that it says nothing about now.
+    """
+    match message:
+        case Connection():
+            found = _connection(robot, message)
+        case Factsheet():
+            found = {"factsheet": msgspec.to_builtins(message)}
+        case State():
+            found = _state(robot, message)
+        case _:
+            return {}
+    if found and not retained:
+        found["last_seen_at"] = now
+    return {name: value for name, value in found.items() if getattr(robot, name) != value}
+
+
+def _connection(robot: Robot, message: Connection) -> dict[str, Any]:
+    if message.state == "ONLINE":
+        return {"connection": message.state, "boot": message.boot}
+    if robot.boot not in {"", message.boot}:
+        return {}
+    return {"connection": message.state, "boot": message.boot}
+
+
+def _state(robot: Robot, message: State) -> dict[str, Any]:
+    known = robot.report or {}
+    if known.get("boot") == message.boot and known.get("seq", -1) >= message.seq:
+        return {}  # sent again on request
+    # It says nothing about the connection: the last states of a robot that died may come after its will. One that lives says ONLINE.
+    return {"report": msgspec.to_builtins(message)}
+
+
+def trouble_of(report: Any) -> str:
+    """Return why an agent does not reach its robot, as its last state has it; empty when it does, or has not said."""
+    errors = report.get("errors") if isinstance(report, dict) else None
+    told = (error for error in errors if isinstance(error, str)) if isinstance(errors, list | tuple) else ()
+    return next((error.removeprefix(LOST) for error in told if error.startswith(LOST)), "")
+
+
+def _is_news(before: Any, after: Any) -> bool:
+    """Tell whether a state is the first of its boot, or begins or ends a trouble."""
+    return (before or {}).get("boot") != (after or {}).get("boot") or trouble_of(before) != trouble_of(after)
+
+
+@dataclass(frozen=True)
+class PresenceChange:
+    """A robot came (`online`) or went; `state` is the word of its Connection."""
+
+    robot: Robot
+    online: bool
+    state: str
+
+
+@dataclass
+class _Known:
+    robot: Robot
+    waiting: dict[str, Any] = field(default_factory=dict)
+    written: float = -1e18
+
+
+class PresenceWriter:
+    """Takes every message of every robot and writes rows: at once what is news to whoever chooses a robot, other states every two seconds.
+
+    Synchronous; for the one process that records. It writes only fields that nobody else writes.
+    """
+
+    def __init__(self, write_seconds: float = WRITE_SECONDS) -> None:
+        self._write_seconds = write_seconds
+        self._known: dict[str, _Known] = {}
+        self._unknown: dict[str, float] = {}
+
+    def take(self, name: str, message: Message, now: datetime.datetime, *, retained: bool = False) -> PresenceChange | None:
+        """Take a message of the robot called `name`; return what became of its presence, None when that is as before."""
+        known = self._find(name, now.timestamp())
+        if known is None:
+            return None
+        was, report = known.robot.connection, known.robot.report
+        found = changes(known.robot, message, now, retained=retained)
+        for key, value in found.items():
+            setattr(known.robot, key, value)
+        known.waiting |= found
+        if (
+            AT_ONCE & found.keys()
+            or _is_news(report, known.robot.report)
+            or (known.waiting and now.timestamp() - known.written >= self._write_seconds)
+        ):
+            self._write(name, known, now.timestamp())
+        state = known.robot.connection
+        return PresenceChange(known.robot, state == "ONLINE", state) if state != was else None
+
+    def _find(self, name: str, now: float) -> _Known | None:
+        if name in self._known:
+            return self._known[name]
+        if self._unknown.get(name, -1e18) > now - UNKNOWN_SECONDS:
+            return None
+        robot = Robot.objects.filter(name=name).first()
+        if robot is None:
+            self._unknown[name] = now
+            return None
+        self._known[name] = _Known(robot)
+        return self._known[name]
+
+    def _write(self, name: str, known: _Known, now: float) -> None:
+        if not Robot.objects.filter(pk=known.robot.pk).update(**known.waiting):
+            del self._known[name]  # deleted, perhaps made anew under the same name
+        known.waiting, known.written = {}, now

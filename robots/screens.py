@@ -1,0 +1,44 @@
+"""The key of a robot's own display: whoever shows it is the screen of that robot and nothing else.
+
+The owner makes it, and opens the address with the key once on the display; there it is exchanged for a cookie that no script can read.
+The key stands behind the `#`, which browsers do not send, so that it is in no server's log. Kept as a hash, like a robot's credentials.
+"""
+
+import datetime
+
+from django.urls import reverse
+
+from robots.credentials import hash_token, matches, new_token
+from robots.models import Robot
+
+YEAR = 365 * 24 * 3600
+
+
+def make_screen_key(robot: Robot, now: datetime.datetime) -> str:
+    """Give a robot's screen a new key and return it, for the only time; displays with the old one are sent away within a minute."""
+    key = new_token()
+    robot.screen_hash, robot.screen_made_at = hash_token(key), now
+    robot.save(update_fields=["screen_hash", "screen_made_at"])
+    return key
+
+
+def revoke_screen_key(robot: Robot) -> None:
+    """Take the key away."""
+    robot.screen_hash, robot.screen_made_at = "", None
+    robot.save(update_fields=["screen_hash", "screen_made_at"])
+
+
+def screen_address(robot: Robot, key: str, server: str) -> str:
+    """Return what to open on the display; `server` is the site's address without a slash at its end."""
+    return f"{server}{reverse('screen', args=[robot.name])}#{key}"
+
+
+def screen_of(name: str, key: str) -> Robot | None:
+    """Return the robot whose screen this key makes, or None."""
+    robot = Robot.objects.filter(name=name, enabled=True).exclude(screen_hash="").first()
+    return robot if robot is not None and key and matches(key, robot.screen_hash) else None
+
+
+def cookie_of(name: str) -> str:
+    """Return the name of the cookie that holds the key."""
+    return f"screen-{name}"

@@ -1,0 +1,107 @@
+"""What a robot's agent asks before it connects, and what a page needs to draw the map."""
+
+import hashlib
+import time
+from typing import Any
+
+import msgspec
+from django.conf import settings
+from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, JsonResponse
+from django.http.request import split_domain_port
+from django.shortcuts import get_object_or_404
+from django.urls import reverse
+from django.utils.cache import get_conditional_response
+from django.views.decorators.cache import never_cache
+from django.views.decorators.csrf import csrf_exempt
+from django.views.decorators.http import require_GET, require_safe
+
+from accounts.attempts import Attempts, address_of
+from robots import credentials
+from robots.access import may_drive, may_observe, robots_visible_to
+from robots.ice import ice_servers
+from robots.models import FloorPlan
+
+ASKED = Attempts("agent", limit=120)
+REFUSED = Attempts("agent-refused", limit=20)
+YEAR = 365 * 24 * 3600
+
+
+@csrf_exempt
+@never_cache
+@require_GET
+def agent_configuration(request: HttpRequest) -> JsonResponse:
+    """Tell an agent where its broker is. It shows `Authorization: Bearer <robot>:<token>`; there is no session and no cookie."""
+    address, now = address_of(request), time.time()
+    if not REFUSED.are_left(address, now) or not ASKED.count(address, now):
+        return JsonResponse({"error": "too_many_attempts", "detail": "Wait a minute."}, status=429, headers={"Retry-After": "60"})
+    name, token = bearer(request.headers.get("Authorization", ""))
+    robot = credentials.robot_of(name, token) if name and token else None
+    if robot is None:
+        REFUSED.count(address, now)
+        detail = "Send “Authorization: Bearer <robot>:<token>” with the credentials that the robot's owner was shown."
+        return JsonResponse({"error": "wrong_credentials", "detail": detail}, status=401, headers={"WWW-Authenticate": "Bearer"})
+    servers = [msgspec.to_builtins(server) for server in ice_servers(robot.name, now)]
+    urls = mqtt_urls_for(request)
+    return JsonResponse({"robot": robot.name, "mqttUrl": urls[0], "mqttUrls": urls, "iceServers": servers})
+
+
+def bearer(header: str) -> tuple[str, str]:
+    """Return (robot, token) of an Authorization header, empty when there is none."""
+    scheme, _, rest = header.partition(" ")
+    name, _, token = rest.strip().partition(":")
+    return (name, token) if scheme.lower() == "bearer" and len(rest) < 512 else ("", "")  # noqa: PLR2004 -- far longer than any
+
+
+def mqtt_urls_for(request: HttpRequest) -> list[str]:
+    """Return where robots reach the broker, the best first; `{host}` in the setting stands for the host that was asked."""
+    host, _ = split_domain_port(request.get_host())
+    return [url.strip().replace("{host}", host) for url in (settings.MQTT_PUBLIC_URL or settings.MQTT_URL).split(",")]
+
+
+@require_safe
+def floor_plan(request: HttpRequest, name: str) -> HttpResponseBase:
+    """Answer with the map of a place as JSON; its image is a picture of its own."""
+    if not request.user.is_authenticated:
+        return JsonResponse({"error": "not_signed_in"}, status=403)
+    response = JsonResponse(plan_content(_visible_plan(request, name)))
+    response["Cache-Control"] = "private, no-cache"
+    return _tagged(request, response)
+
+
+@require_safe
+def floor_plan_image(request: HttpRequest, name: str) -> HttpResponseBase:
+    """Answer with the image of the map as it is, row 0 on top."""
+    if not request.user.is_authenticated:
+        return HttpResponse(status=403)
+    plan = _visible_plan(request, name)
+    response = HttpResponse(bytes(plan.image), content_type="image/png")
+    response["Cache-Control"] = f"private, max-age={YEAR}, immutable" if request.GET.get("v") == plan.sha256[:16] else "private, no-cache"
+    return _tagged(request, response)
+
+
+def _tagged(request: HttpRequest, response: HttpResponse) -> HttpResponseBase:
+    """Return the response, or 304 when the browser has it already."""
+    response["ETag"] = f'"{hashlib.sha256(response.content).hexdigest()}"'
+    return get_conditional_response(request, response["ETag"], None, response) or response
+
+
+def plan_content(plan: FloorPlan) -> dict[str, Any]:
+    """Return what a page needs to draw a map: metres a pixel, the pose of the lower left corner, the picture's address, the plan."""
+    return {
+        "name": plan.name,
+        "title": plan.title,
+        "resolution": plan.resolution,
+        "origin": [plan.origin_x, plan.origin_y, plan.origin_theta],
+        "width": plan.width,
+        "height": plan.height,
+        "image": f"{reverse('floor_plan_image', args=[plan.name])}?v={plan.sha256[:16]}",
+        "plan": plan.plan,
+    }
+
+
+def _visible_plan(request: HttpRequest, name: str) -> FloorPlan:
+    plan = get_object_or_404(FloorPlan, name=name)
+    robots = robots_visible_to(request.user).filter(floor_plan=plan)
+    if request.user.is_staff or any(may_observe(request.user, robot) or may_drive(request.user, robot) for robot in robots):
+        return plan
+    raise Http404

@@ -1,0 +1,376 @@
+"""Sessions, leases, the system log and the session manager in the administration: to look at, to stop, and to download.
+
+Nothing here is edited: who drives is the leases' business, and a record that can be changed is none. No list reads states: what it
+shows of them stands in Session.summary.
+"""
+
+import datetime
+import uuid
+from typing import Any
+
+from django.contrib import admin, messages
+from django.contrib.auth.decorators import permission_required
+from django.core.exceptions import PermissionDenied
+from django.db.models import Model, QuerySet
+from django.http import HttpRequest, HttpResponse, StreamingHttpResponse
+from django.shortcuts import get_object_or_404
+from django.template.loader import render_to_string
+from django.urls import URLPattern, path
+from django.utils import timezone
+from django.utils.safestring import SafeString
+from django.utils.translation import gettext as _now
+from django.utils.translation import gettext_lazy as _
+from django.utils.translation import ngettext
+
+from accounts import audit
+from robots.admin import NOTHING, link_to
+from robots.admin_access import OfRobots
+from sessions import api_key_admin, system_log, turns
+from sessions.downloads import as_csv, as_json
+from sessions.manager_beat import STALE_SECONDS
+from sessions.models import Lease, ManagerBeat, NetworkSample, Session, SessionEvent, Snapshot, SystemLog
+from sessions.network_summary import summarise_network
+
+EVENTS_SHOWN = 500
+SNAPSHOTS_SHOWN = 60
+VIEW = "telepresence_sessions.view_session"
+PAGES = (api_key_admin.ApiKeyAdmin,)  # of modules of their own; Django looks for pages in this one
+
+
+class ReadOnlyAdmin(admin.ModelAdmin):
+    """A page to look at."""
+
+    show_full_result_count = False
+
+    def has_add_permission(self, _request: HttpRequest) -> bool:
+        """Nobody adds rows by hand."""
+        return False
+
+    def has_change_permission(self, _request: HttpRequest, _obj: Model | None = None) -> bool:
+        """Nor changes them."""
+        return False
+
+    def has_delete_permission(self, _request: HttpRequest, _obj: Model | None = None) -> bool:
+        """Nor deletes them."""
+        return False
+
+
+class OwnersRows(OfRobots, ReadOnlyAdmin):
+    """What belongs to a robot, for those who may see all of it, and for the robot's owner."""
+
+    robot = "robot"
+
+
+@admin.register(Session)
+class SessionAdmin(OwnersRows):
+    """Visits: who drove which robot when, how it ended, and what was recorded.
+
+    A robot's owner sees that it was driven, how long and how it ended, and may stop it; who it was and what was recorded of them is for
+    those who were given the right to see sessions, and for the researchers of the study.
+    """
+
+    list_display = ("begun", "visitor_link", "robot_link", "state", "outcome", "driven", "distance", "states", "methods", "device_name")
+    list_display_links = ("begun",)
+    list_filter = ("state", "outcome", "robot", "queued_at")
+    list_select_related = ("visitor", "robot")
+    list_per_page = 50
+    search_fields = ("visitor__username", "visitor__display_name", "visitor__email", "robot__name", "robot__title", "outcome_reason")
+    search_help_text = _("Visitor, robot, reason, or a session's id.")
+    date_hierarchy = "queued_at"
+    actions = ("stop_sessions", "download_csv", "download_json")
+    readonly_fields = (
+        "visitor_link", "robot_link", "driven", "distance", "states", "missing", "methods", "ways", "device_told", "network", "snapshots", "events",
+    )  # fmt: skip
+    fieldsets = (
+        (None, {"fields": ("visitor_link", "robot_link", "state", "outcome", "outcome_reason")}),
+        (_("Times"), {"fields": ("queued_at", "offered_at", "granted_at", "driving_at", "first_motion_at", "lost_at", "turn_ends_at", "ended_at")}),
+        (_("Record"), {"fields": ("driven", "distance", "states", "missing", "methods", "ways", "closed_at")}),
+        (_("Device and network"), {"fields": ("device_told", "network")}),
+        (_("Snapshots"), {"fields": ("snapshots",)}),
+        (_("Events"), {"fields": ("events",)}),
+    )
+
+    # --- who may -----------------------------------------------------------------------------------------------------
+
+    def has_stop_permission(self, request: HttpRequest) -> bool:
+        """Whoever may change sessions may stop them, and owners those on their robots: of others they see none."""
+        return bool(request.user.has_perm("telepresence_sessions.change_session")) or (not self.sees_all(request) and self.is_of(request, None))
+
+    def has_record_permission(self, request: HttpRequest) -> bool:
+        """Whether whoever asks may have what was recorded."""
+        return self.sees_all(request)
+
+    def get_list_display(self, request: HttpRequest) -> tuple[str, ...]:
+        """Owners see no visitors and no devices."""
+        told = ("visitor_link", "device_name")
+        return self.list_display if self.sees_all(request) else tuple(name for name in self.list_display if name not in told)
+
+    def get_list_filter(self, request: HttpRequest) -> tuple[str, ...]:
+        """Nor a list of all robots."""
+        return self.list_filter if self.sees_all(request) else ("state", "outcome", "queued_at")
+
+    def get_search_fields(self, request: HttpRequest) -> tuple[str, ...]:
+        """Nor do they find sessions by a visitor's address."""
+        return self.search_fields if self.sees_all(request) else ("robot__name", "robot__title")
+
+    def get_fieldsets(self, request: HttpRequest, _obj: Session | None = None) -> Any:
+        """Show owners the robot's part of it."""
+        if self.sees_all(request):
+            return self.fieldsets
+        times = next(part for name, part in self.fieldsets if name == _("Times"))
+        return [
+            (None, {"fields": ("robot_link", "state", "outcome", "outcome_reason")}),
+            (_("Times"), times), (_("Record"), {"fields": ("driven", "distance", "states", "missing", "closed_at")}),
+        ]  # fmt: skip
+
+    def has_delete_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
+        """A visit that is over may be deleted, one by one, with all that was recorded: visitors have a right to it."""
+        ended = isinstance(obj, Session) and obj.state == Session.State.ENDED
+        return ended and bool(request.user.has_perm("telepresence_sessions.delete_session"))
+
+    def get_deleted_objects(self, objs: Any, _request: HttpRequest) -> tuple[list[str], dict[str, int], set[str], list[str]]:
+        """Say how much goes with a session, without listing thousands of rows."""
+        keys = [obj.pk for obj in objs]
+        related = {str(field.related_model._meta.verbose_name_plural): field.related_model for field in Session._meta.related_objects}  # noqa: SLF001 -- Django's documented API
+        names = {"chunks", "events", "network_samples", "snapshots"}
+        kept = {str(field.related_model._meta.verbose_name_plural): field for field in Session._meta.related_objects if field.name in names}  # noqa: SLF001
+        counts = {name: related[name].objects.filter(session__in=keys).count() for name in kept}
+        return [str(obj) for obj in objs], {str(Session._meta.verbose_name_plural): len(keys), **counts}, set(), []  # noqa: SLF001
+
+    def get_search_results(self, request: HttpRequest, queryset: QuerySet[Session], search_term: str) -> tuple[QuerySet[Session], bool]:
+        """Find a session also by its id."""
+        try:
+            return queryset.filter(pk=uuid.UUID(search_term.strip())), False
+        except ValueError:
+            return super().get_search_results(request, queryset, search_term)
+
+    # --- columns -----------------------------------------------------------------------------------------------------
+
+    @admin.display(description=_("started"), ordering="queued_at")
+    def begun(self, session: Session) -> str:
+        """When the visitor asked for the robot."""
+        return f"{timezone.localtime(session.queued_at):%Y-%m-%d %H:%M}"
+
+    @admin.display(description=_("visitor"), ordering="visitor__username")
+    def visitor_link(self, session: Session) -> str | SafeString:
+        """The visitor, with a link."""
+        return link_to("admin:accounts_user_change", session.visitor.shown_name, session.visitor_id)
+
+    @admin.display(description=_("robot"), ordering="robot__title")
+    def robot_link(self, session: Session) -> str | SafeString:
+        """The robot, with a link."""
+        return link_to("admin:robots_robot_change", session.robot, session.robot_id)
+
+    @admin.display(description=_("minutes driven"))
+    def driven(self, session: Session) -> str:
+        """From the first connection to the end."""
+        if session.driving_at is None:
+            return NOTHING
+        return f"{((session.ended_at or timezone.now()) - session.driving_at).total_seconds() / 60.0:.1f}"
+
+    @admin.display(description=_("distance (m)"))
+    def distance(self, session: Session) -> str:
+        """By the robot's odometry."""
+        return _number(session, "distance", "{:.1f}")
+
+    @admin.display(description=_("states"))
+    def states(self, session: Session) -> str:
+        """How many states are recorded, once the record is closed."""
+        return _number(session, "states", "{}")
+
+    @admin.display(description=_("states missing"))
+    def missing(self, session: Session) -> str:
+        """How many states are known to be lost."""
+        return _number(session, "missing", "{}")
+
+    @admin.display(description=_("input"))
+    def methods(self, session: Session) -> str:
+        """Input methods, the most used first."""
+        return _shares(session.summary.get("methods", {}))
+
+    @admin.display(description=_("ways of control"))
+    def ways(self, session: Session) -> str:
+        """Data channel or broker."""
+        return _shares(session.summary.get("ways", {}))
+
+    @admin.display(description=_("device"))
+    def device_name(self, session: Session) -> str:
+        """Operating system and browser."""
+        return " · ".join(session.device[name] for name in ("os", "browser") if session.device.get(name)) or NOTHING
+
+    # --- the page of one session -------------------------------------------------------------------------------------
+
+    @admin.display(description=_("device"))
+    def device_told(self, session: Session) -> SafeString:
+        """All that is kept of the device."""
+        return _fragment("device", device=session.device)
+
+    @admin.display(description=_("network"))
+    def network(self, session: Session) -> SafeString:
+        """The visitor's connection in numbers."""
+        samples = NetworkSample.objects.filter(session=session).values_list("data", flat=True)
+        return _fragment("network", network=summarise_network(samples.iterator(chunk_size=500)))
+
+    @admin.display(description=_("snapshots"))
+    def snapshots(self, session: Session) -> SafeString:
+        """What the visitor photographed."""
+        rows = Snapshot.objects.filter(session=session).order_by("stamp").defer("jpeg")
+        return _fragment("snapshots", snapshots=[(row, _moment(row.stamp)) for row in rows[:SNAPSHOTS_SHOWN]])
+
+    @admin.display(description=_("events"))
+    def events(self, session: Session) -> SafeString:
+        """What happened, in order."""
+        rows = list(SessionEvent.objects.filter(session=session).order_by("received_at")[: EVENTS_SHOWN + 1])
+        return _fragment("events", events=[(row, _moment(row.received_at)) for row in rows[:EVENTS_SHOWN]], more=len(rows) > EVENTS_SHOWN)
+
+    # --- actions -----------------------------------------------------------------------------------------------------
+
+    @admin.action(description=_("Stop these sessions now"), permissions=["stop"])
+    def stop_sessions(self, request: HttpRequest, queryset: QuerySet[Session]) -> None:
+        """End sessions as stopped by the operator; the session manager takes the lease from the robot within half a second."""
+        now, stopped = timezone.now(), 0
+        for session in queryset.exclude(state=Session.State.ENDED):
+            if turns.end(str(session.pk), Session.Outcome.STOPPED_BY_OPERATOR, "by an operator", now):
+                stopped += 1
+                system_log.log("session_stopped", "warning", robot=session.robot_id, session=session, at=now, user=str(request.user.pk))
+                audit.note("session_stopped", actor=request.user, person=session.visitor_id, robot=session.robot, thing=session)
+        if stopped:
+            self.message_user(request, ngettext("One session was stopped.", "%(count)d sessions were stopped.", stopped) % {"count": stopped})
+        else:
+            self.message_user(request, _("None of them was live."), messages.WARNING)
+
+    @admin.action(description=_("Download states (CSV)"), permissions=["record"])
+    def download_csv(self, request: HttpRequest, queryset: QuerySet[Session]) -> StreamingHttpResponse:
+        """One line a state."""
+        audit.note("sessions_exported", actor=request.user, detail=f"csv of {queryset.count()}")
+        return as_csv(queryset, "states")
+
+    @admin.action(description=_("Download states (JSON)"), permissions=["record"])
+    def download_json(self, request: HttpRequest, queryset: QuerySet[Session]) -> StreamingHttpResponse:
+        """States as the robot sent them."""
+        audit.note("sessions_exported", actor=request.user, detail=f"json of {queryset.count()}")
+        return as_json(queryset, "states")
+
+    def get_urls(self) -> list[URLPattern]:
+        """The pages of the model, its downloads, and its snapshots."""
+        guard = self.admin_site.admin_view
+        own = [
+            path("<uuid:session>/stop/", guard(self.stop_view), name="telepresence_sessions_session_stop"),
+            path("<uuid:session>/states.<str:kind>", guard(self.states_view), name="telepresence_sessions_session_states"),
+            path("snapshots/<uuid:snapshot>.jpg", guard(snapshot_view), name="telepresence_sessions_snapshot"),
+        ]
+        return [*own, *super().get_urls()]
+
+    def states_view(self, request: HttpRequest, session: uuid.UUID, kind: str) -> StreamingHttpResponse:
+        """Download the states of one session."""
+        if not self.has_record_permission(request):
+            raise PermissionDenied
+        found = get_object_or_404(Session, pk=session)
+        audit.note("session_exported", actor=request.user, person=found.visitor_id, robot=found.robot, thing=found, detail=kind[:10])
+        rows = Session.objects.filter(pk=found.pk)
+        return as_json(rows, f"session-{session}") if kind == "json" else as_csv(rows, f"session-{session}")
+
+    def stop_view(self, request: HttpRequest, session: uuid.UUID) -> HttpResponse:
+        """Stop one session, from its own page."""
+        if request.method != "POST" or not self.has_stop_permission(request):
+            raise PermissionDenied
+        found = get_object_or_404(self.get_queryset(request), pk=session)
+        self.stop_sessions(request, Session.objects.filter(pk=found.pk))
+        return self.response_post_save_change(request, found)
+
+    def change_view(self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: dict[str, Any] | None = None) -> HttpResponse:
+        """The page of one session, with a stop button for whoever may stop it."""
+        row = self.get_object(request, object_id) if self.sees_all(request) else None
+        if row is not None:
+            audit.note("session_opened", actor=request.user, person=row.visitor_id, thing=row)
+        return super().change_view(request, object_id, form_url, {**(extra_context or {}), "may_stop": self.has_stop_permission(request)})
+
+
+@permission_required(VIEW, raise_exception=True)
+def snapshot_view(request: HttpRequest, snapshot: uuid.UUID) -> HttpResponse:
+    """Return the picture itself; only for those who may look at sessions."""
+    row = get_object_or_404(Snapshot, pk=snapshot)
+    audit.note("photo_opened", actor=request.user, thing=row)
+    headers = {"Cache-Control": "private, max-age=3600", "X-Content-Type-Options": "nosniff"}
+    return HttpResponse(bytes(row.jpeg), content_type="image/jpeg", headers=headers)
+
+
+@admin.register(Lease)
+class LeaseAdmin(OwnersRows):
+    """Who drives now. The page's secret id is not shown."""
+
+    list_display = ("robot", "driver", "epoch", "renewal", "changed_at")
+    list_select_related = ("robot", "session__visitor")
+    search_fields = ("robot__name", "robot__title")
+    fields = ("robot", "driver", "epoch", "renewal", "changed_at")
+    readonly_fields = ("driver",)
+
+    @admin.display(description=_("session"))
+    def driver(self, lease: Lease) -> str | SafeString:
+        """The session that holds the lease."""
+        if lease.session is None:
+            return _now("nobody")
+        return link_to("admin:telepresence_sessions_session_change", lease.session.visitor.shown_name, lease.session.pk)
+
+
+@admin.register(SystemLog)
+class SystemLogAdmin(OwnersRows):
+    """What the system did; for owners, with their robots."""
+
+    list_display = ("at", "level", "event", "robot", "session_link", "told")
+    list_filter = ("level", "robot", "at")
+    list_select_related = ("robot", "session__visitor")
+    list_per_page = 100
+    search_fields = ("event", "robot__name")
+    date_hierarchy = "at"
+    fields = ("at", "level", "event", "robot", "session_link", "fields")
+    readonly_fields = ("session_link",)
+
+    def get_list_filter(self, request: HttpRequest) -> tuple[str, ...]:
+        """Owners need no list of all robots."""
+        return self.list_filter if self.sees_all(request) else ("level", "at")
+
+    @admin.display(description=_("session"))
+    def session_link(self, entry: SystemLog) -> str | SafeString:
+        """The session, with a link."""
+        if entry.session is None:
+            return NOTHING
+        return link_to("admin:telepresence_sessions_session_change", str(entry.session.pk)[:8], entry.session.pk)
+
+    @admin.display(description=_("fields"))
+    def told(self, entry: SystemLog) -> str:
+        """The fields in one line."""
+        return " ".join(f"{name}={value}" for name, value in entry.fields.items())[:200] or NOTHING
+
+
+@admin.register(ManagerBeat)
+class ManagerBeatAdmin(ReadOnlyAdmin):
+    """Whether a session manager runs, and where."""
+
+    list_display = ("name", "running", "holder", "beat_at")
+    fields = ("name", "running", "holder", "beat_at")
+    readonly_fields = ("running",)
+
+    @admin.display(description=_("running"), boolean=True)
+    def running(self, beat: ManagerBeat) -> bool:
+        """Whether its last beat is young."""
+        return bool(beat.holder) and (timezone.now() - beat.beat_at).total_seconds() < STALE_SECONDS
+
+
+def _number(session: Session, name: str, form: str) -> str:
+    value = session.summary.get(name)
+    return NOTHING if value is None else form.format(value)
+
+
+def _shares(counts: dict[str, int]) -> str:
+    total = sum(counts.values())
+    ordered = sorted(counts.items(), key=lambda pair: -pair[1])
+    return ", ".join(f"{name} {count / total:.0%}" for name, count in ordered) or NOTHING
+
+
+def _moment(stamp: float) -> datetime.datetime:
+    return datetime.datetime.fromtimestamp(stamp, datetime.UTC)
+
+
+def _fragment(name: str, **context: Any) -> SafeString:
+    return render_to_string(f"admin/telepresence_sessions/session/_{name}.html", context)

@@ -1,0 +1,11 @@
+"""Configuration of the app."""
+
+from django.apps import AppConfig
+
+
+class TelepresenceSessionsConfig(AppConfig):
+    """Visits to robots. The label differs from the package because Django has an app called sessions."""
+
+    name = "sessions"
+    label = "telepresence_sessions"
+    verbose_name = "Sessions with robots"

@@ -1,0 +1,41 @@
+"""How far a robot's clock is from ours, from the beats that it echoes (Mills, RFC 5905, section 8).
+
+The offset of the exchange with the least round trip among the last ones is the best estimate: whatever delays a message makes the
+round trip longer, and only an uneven delay makes the offset wrong, by at most half of the excess.
+"""
+
+from collections import deque
+
+from robots.api.messages import Heartbeat
+
+EXCHANGES = 10
+
+
+class ClockOffset:
+    """The estimate for one robot and one run of its agent. All stamps in Unix seconds."""
+
+    def __init__(self, peer: str) -> None:
+        self._peer = peer
+        self._exchanges: deque[tuple[float, float]] = deque(maxlen=EXCHANGES)  # (round trip, offset)
+        self.heard_at: float | None = None  # when the last echo came, by our clock
+        self._newest = -1  # the last echo that was taken; a restarted server counts from the beginning again
+
+    def hear(self, beat: Heartbeat, received: float) -> None:
+        """Take a robot's heartbeat that arrived at `received` by our clock; one that echoes nothing new says nothing."""
+        for echo in beat.echoes:
+            if echo.peer == self._peer and echo.n != self._newest:
+                self._newest, self.heard_at = echo.n, received
+                round_trip = (received - echo.stamp) - (beat.stamp - echo.received)
+                offset = ((echo.received - echo.stamp) + (beat.stamp - received)) / 2.0
+                if round_trip >= 0.0:
+                    self._exchanges.append((round_trip, offset))
+
+    @property
+    def seconds(self) -> float | None:
+        """Robot's clock minus ours; None before the first echo."""
+        return min(self._exchanges)[1] if self._exchanges else None
+
+    @property
+    def round_trip(self) -> float | None:
+        """The round trip that `seconds` rests on."""
+        return min(self._exchanges)[0] if self._exchanges else None

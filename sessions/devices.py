@@ -1,0 +1,103 @@
+"""What a visitor's device is: operating system and browser in the words of the paper's Table 3, and a truncated address.
+
+The user agent is a guess that browsers make hard on purpose; where the browser sends client hints (Chrome, Chromium, Opera, Edge
+over HTTPS) they are believed first, because only they tell Chromium from Chrome.
+"""
+
+import ipaddress
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+OTHER = "other"
+_SYSTEMS = (("Android", "Android"), ("iPhone|iPad|iPod", "iOS"), ("Windows", "Windows"), ("Mac OS X|Macintosh", "Mac OS"), ("Linux|X11", "Linux"))
+_PLATFORMS = {"Windows": "Windows", "macOS": "Mac OS", "Linux": "Linux", "Android": "Android", "iOS": "iOS"}
+# In this order: everybody claims to be everybody who came before.
+_AGENTS = (
+    (r"(?:OPR|Opera|OPT|OPiOS)/([\d.]+)", "Opera"),
+    (r"(?:Edg|EdgA|EdgiOS|Edge)/([\d.]+)", "Edge"),
+    (r"SamsungBrowser/([\d.]+)", "Samsung Internet"),
+    (r"(?:Firefox|FxiOS)/([\d.]+)", "Firefox"),
+    (r"(?:Ubuntu )?Chromium/([\d.]+)", "Chromium"),
+    (r"(?:Headless)?(?:Chrome|CriOS)/([\d.]+)", "Chrome"),
+    (r"Version/([\d.]+).*Safari/", "Safari"),
+)
+_BRANDS = (("Opera", "Opera"), ("Microsoft Edge", "Edge"), ("Google Chrome", "Chrome"), ("Chromium", "Chromium"))
+TABLE_3_BROWSERS = frozenset({"Chrome", "Firefox", "Chromium", "Opera"})
+_BRAND = re.compile(r'"([^"]{1,60})";\s*v="([\d.]{1,20})"')
+MAX_AGENT = 400
+
+
+def device_of(headers: Mapping[str, str], address: str, trusted_proxies: Iterable[str] = ()) -> dict[str, Any]:
+    """Return what is kept of a device.
+
+    Args:
+        headers: of the request, with lower-case names.
+        address: of whoever opened the connection to us.
+        trusted_proxies: addresses or networks whose X-Forwarded-For is believed.
+
+    Returns:
+        `os` and `browser` in Table 3's names or `other`, `product` the browser's own name and version, `mobile`, `user_agent`, and
+        `network`: the visitor's address cut to /24 (IPv4) or /48 (IPv6).
+    """
+    agent = headers.get("user-agent", "")[:MAX_AGENT]
+    name, version = _browser(agent, headers.get("sec-ch-ua", ""))
+    return {
+        "os": _system(agent, headers.get("sec-ch-ua-platform", "")),
+        "browser": name if name in TABLE_3_BROWSERS else OTHER,
+        "product": f"{name} {version}".strip(),
+        "mobile": headers.get("sec-ch-ua-mobile") == "?1" or "Mobi" in agent,
+        "user_agent": agent,
+        "network": network_of(visitor_address(headers.get("x-forwarded-for", ""), address, trusted_proxies)),
+    }
+
+
+def headers_of_scope(scope: Mapping[str, Any]) -> dict[str, str]:
+    """Return the headers of an ASGI scope with lower-case names."""
+    return {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope.get("headers", ())}
+
+
+def _system(agent: str, platform: str) -> str:
+    hinted = _PLATFORMS.get(platform.strip('" '))
+    return hinted or next((name for pattern, name in _SYSTEMS if re.search(pattern, agent)), OTHER)
+
+
+def _browser(agent: str, brands: str) -> tuple[str, str]:
+    hinted = dict(_BRAND.findall(brands[:MAX_AGENT]))
+    for brand, name in _BRANDS:
+        if brand in hinted:
+            return name, hinted[brand]
+    for pattern, name in _AGENTS:
+        if found := re.search(pattern, agent):
+            return name, found.group(1)
+    return OTHER, ""
+
+
+def visitor_address(forwarded: str, address: str, trusted_proxies: Iterable[str]) -> str:
+    """Return the address that the nearest untrusted party had: what stands left of it in X-Forwarded-For is only a claim."""
+    networks = [ipaddress.ip_network(proxy, strict=False) for proxy in trusted_proxies]
+    current = address
+    for hop in reversed([hop.strip() for hop in forwarded.split(",") if hop.strip()]):
+        if not _within(current, networks):
+            break
+        current = hop
+    return current
+
+
+def _within(address: str, networks: list[ipaddress.IPv4Network | ipaddress.IPv6Network]) -> bool:
+    try:
+        parsed = ipaddress.ip_address(address)
+    except ValueError:
+        return False
+    return any(parsed in network for network in networks)
+
+
+def network_of(address: str) -> str:
+    """Return an address cut to /24 or /48, or the empty string for what is none."""
+    try:
+        parsed = ipaddress.ip_address(address.partition("%")[0])
+    except ValueError:
+        return ""
+    if isinstance(parsed, ipaddress.IPv6Address) and parsed.ipv4_mapped is not None:
+        parsed = parsed.ipv4_mapped
+    return str(ipaddress.ip_network((parsed, 24 if parsed.version == 4 else 48), strict=False))  # noqa: PLR2004 -- IP versions

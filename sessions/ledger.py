@@ -1,0 +1,168 @@
+"""Which states of one run of an agent have been seen, and which are owed.
+
+An agent numbers its states without holes, whatever session they belong to. So a hole that touches a session is a loss on the way,
+and the agent, which keeps its last minutes, is asked for it again. What nobody can know after a restart (the states before the
+first that is seen, holes that a stored record already had) is asked for once and not missed when it does not come.
+"""
+
+from bisect import bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+PATIENCE = 1.0  # a buffered message may still be on its way
+REPEAT = 5.0
+ATTEMPTS = 3
+HEAD = 240  # a minute of states
+# A jump this wide is a robot that counts strangely, not a loss: no agent keeps so many.
+WIDEST = 100_000
+
+Range = tuple[int, int]
+
+
+class Intervals:
+    """A set of whole numbers, kept as disjoint ranges with both ends included; growing at the end is cheap."""
+
+    def __init__(self) -> None:
+        self._firsts: list[int] = []
+        self._lasts: list[int] = []
+
+    def __contains__(self, number: int) -> bool:
+        at = bisect_right(self._firsts, number) - 1
+        return at >= 0 and number <= self._lasts[at]
+
+    def __iter__(self) -> Iterator[Range]:
+        return iter(zip(self._firsts, self._lasts, strict=True))
+
+    def add(self, first: int, last: int) -> None:
+        """Add the numbers from first to last."""
+        if self._lasts and first == self._lasts[-1] + 1:
+            self._lasts[-1] = last
+            return
+        low = bisect_right(self._lasts, first - 2)  # the first range that touches or follows
+        high = bisect_right(self._firsts, last + 1)
+        if low < high:
+            first, last = min(first, self._firsts[low]), max(last, self._lasts[high - 1])
+        self._firsts[low:high] = [first]
+        self._lasts[low:high] = [last]
+
+    def missing(self, first: int, last: int) -> list[Range]:
+        """Return the ranges between first and last that are not in the set."""
+        found, at = [], first
+        for low, high in zip(self._firsts, self._lasts, strict=True):
+            if high < at:
+                continue
+            if low > last:
+                break
+            if low > at:
+                found.append((at, low - 1))
+            at = high + 1
+        if at <= last:
+            found.append((at, last))
+        return found
+
+
+@dataclass
+class Gap:
+    """States that were not seen; `certain` when they must exist, `sessions` whose record may lack them."""
+
+    first: int
+    last: int
+    sessions: frozenset[str]
+    certain: bool
+    found_at: float
+    asked_at: float | None = None
+    attempts: int = 0
+
+
+@dataclass(frozen=True)
+class Loss:
+    """States that will not come any more."""
+
+    ranges: tuple[Range, ...]
+    sessions: frozenset[str]
+
+    @property
+    def count(self) -> int:
+        """How many."""
+        return sum(last - first + 1 for first, last in self.ranges)
+
+
+@dataclass
+class Ledger:
+    """The states of one run (`boot`) of one robot's agent."""
+
+    seen: Intervals = field(default_factory=Intervals)
+    gaps: list[Gap] = field(default_factory=list)
+    reached: int | None = None
+    session: str | None = None
+
+    def restore(self, session: str, ranges: list[Range], now: float) -> None:
+        """Take over what an earlier session manager has stored of a session."""
+        for first, last in ranges:
+            self.seen.add(first, last)
+        if ranges:
+            first, last = min(first for first, _ in ranges), max(last for _, last in ranges)
+            for hole in self.seen.missing(first, last):
+                self.gaps.append(Gap(*hole, frozenset({session}), certain=False, found_at=now))
+            if self.reached is None or last > self.reached:
+                self.reached, self.session = last, session
+
+    def arrive(self, seq: int, session: str | None, now: float) -> bool:
+        """Note a state; False when it was there before."""
+        if seq in self.seen:
+            return False
+        if self.reached is None and session is not None and seq > 0:
+            self.gaps.append(Gap(max(0, seq - HEAD), seq - 1, frozenset({session}), certain=False, found_at=now))
+        self.seen.add(seq, seq)
+        self._reach(seq, session, now, to=seq - 1)
+        return True
+
+    def begins(self, seq: int, session: str, now: float) -> None:
+        """Note that the session's first state is `seq`."""
+        self._reach(seq - 1, session, now, to=seq - 1)
+
+    def ends(self, seq: int, session: str, now: float) -> None:
+        """Note that the session's last state is `seq`."""
+        if self.reached is None:
+            self.gaps.append(Gap(max(0, seq - HEAD), seq, frozenset({session}), certain=False, found_at=now))
+        self._reach(seq, session, now, to=seq)
+
+    def _reach(self, seq: int, session: str | None, now: float, *, to: int) -> None:
+        if self.reached is not None and seq <= self.reached:
+            return
+        if self.reached is not None and 0 < to - self.reached <= WIDEST:
+            touched = frozenset(name for name in (self.session, session) if name is not None)
+            if touched:
+                self.gaps.append(Gap(self.reached + 1, to, touched, certain=True, found_at=now))
+        self.reached, self.session = seq, session
+
+    def due(self, now: float, *, present: bool, alive: bool) -> tuple[list[Range], list[Loss]]:
+        """Return what is to be asked for again now, and what is given up.
+
+        Args:
+            now: any clock in seconds.
+            present: the robot is heard of at this moment; otherwise asking waits.
+            alive: this run of the agent is the robot's newest; otherwise nobody has these states any more.
+        """
+        asks, losses, kept = [], [], []
+        for gap in self.gaps:
+            missing = self.seen.missing(gap.first, gap.last)
+            if not missing:
+                continue
+            if not alive or self._is_hopeless(gap, now):
+                losses += [Loss(tuple(missing), gap.sessions)] if gap.certain else []
+                continue
+            kept.append(gap)
+            if present and now - gap.found_at >= PATIENCE and (gap.asked_at is None or now - gap.asked_at >= REPEAT):
+                gap.asked_at, gap.attempts = now, gap.attempts + 1
+                asks += missing
+        self.gaps = kept
+        return asks, losses
+
+    @staticmethod
+    def _is_hopeless(gap: Gap, now: float) -> bool:
+        return gap.attempts >= (ATTEMPTS if gap.certain else 1) and gap.asked_at is not None and now - gap.asked_at >= REPEAT
+
+    def owes(self, session: str) -> bool:
+        """Tell whether states of a session may still come."""
+        return any(session in gap.sessions and self.seen.missing(gap.first, gap.last) for gap in self.gaps)

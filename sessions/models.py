@@ -1,0 +1,252 @@
+"""What is kept of a visit: who drove which robot when, how it ended, and everything recorded in between."""
+
+import json
+import uuid
+from typing import Any
+
+import msgspec
+from django.conf import settings
+from django.db import models
+from django.utils.translation import gettext_lazy as _
+
+from robots.models import Robot
+
+
+class Session(models.Model):
+    """One visit of one visitor to one robot, from joining the queue to its outcome."""
+
+    class State(models.TextChoices):
+        """Where the visit stands."""
+
+        WAITING = "waiting", _("waiting")
+        CONNECTING = "connecting", _("connecting")
+        DRIVING = "driving", _("driving")
+        RECONNECTING = "reconnecting", _("reconnecting")
+        ENDED = "ended", _("ended")
+
+    class Outcome(models.TextChoices):
+        """How a visit ended; the first four are the paper's."""
+
+        COMPLETED = "completed", _("completed")
+        TIMED_OUT = "timed_out", _("timed out")
+        CONNECTION_REFUSED = "connection_refused", _("connection refused")
+        CANCELLED = "cancelled", _("cancelled")
+        STOPPED_BY_OPERATOR = "stopped_by_operator", _("stopped by operator")
+        ROBOT_FAULT = "robot_fault", _("robot fault")
+        CONNECTION_LOST = "connection_lost", _("connection lost")
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    robot = models.ForeignKey(Robot, models.PROTECT, related_name="sessions", verbose_name=_("robot"))
+    visitor = models.ForeignKey(settings.AUTH_USER_MODEL, models.CASCADE, related_name="robot_sessions", verbose_name=_("visitor"))
+    state = models.CharField(_("state"), max_length=12, choices=State, default=State.WAITING, db_index=True)
+    outcome = models.CharField(_("outcome"), max_length=20, choices=Outcome, blank=True, db_index=True)
+    outcome_reason = models.CharField(_("reason"), max_length=300, blank=True)
+    # "<robot>:<visitor>" while the visit lives and its own id afterwards: unique on every database without partial indexes.
+    live_key = models.CharField(max_length=80, unique=True, editable=False)
+    queued_at = models.DateTimeField(_("queued"))
+    offered_at = models.DateTimeField(_("turn offered"), null=True, blank=True)
+    granted_at = models.DateTimeField(_("granted"), null=True, blank=True)
+    driving_at = models.DateTimeField(_("first connected"), null=True, blank=True)
+    first_motion_at = models.DateTimeField(_("first motion"), null=True, blank=True)
+    lost_at = models.DateTimeField(_("connection lost"), null=True, blank=True)
+    turn_ends_at = models.DateTimeField(_("turn ends"), null=True, blank=True)
+    ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
+    # Refreshed while a page's WebSocket is open, None once it closed: tells a reload from a second tab.
+    seen_at = models.DateTimeField(_("page last seen"), null=True, blank=True)
+    # When the record was found complete, or what is missing given up: `summary` is final from then on (sessions/summary.py).
+    closed_at = models.DateTimeField(_("record closed"), null=True, blank=True, db_index=True)
+    device = models.JSONField(_("device"), default=dict, blank=True)
+    # What the visitor chose while driving; empty: as the robot has it. What was in force stands in every state.
+    assist = models.CharField(_("assistance"), max_length=5, blank=True, choices=Robot.Assist)
+    # What an app above this one has fixed for the visit when the robot was first granted (sessions/terms.py); empty: nothing.
+    terms = models.JSONField(_("terms"), default=dict, blank=True, editable=False)
+    summary = models.JSONField(_("summary"), default=dict, blank=True, editable=False)
+
+    class Meta:
+        verbose_name = _("session")
+        verbose_name_plural = _("sessions")
+        ordering = ("-queued_at",)
+        indexes = [models.Index(fields=["robot", "state", "queued_at"], name="session_queue")]
+
+    def __str__(self) -> str:
+        return f"{self.robot} · {self.queued_at:%Y-%m-%d %H:%M}"
+
+
+class Lease(models.Model):
+    """Who drives a robot: one row a robot, changed only by comparing and setting its epoch."""
+
+    robot = models.OneToOneField(Robot, models.CASCADE, primary_key=True, related_name="lease", verbose_name=_("robot"))
+    epoch = models.BigIntegerField(default=0)
+    session = models.ForeignKey(Session, models.SET_NULL, null=True, blank=True, related_name="leases", verbose_name=_("session"))
+    peer = models.CharField(max_length=64, blank=True)
+    renewal = models.BigIntegerField(default=0)
+    changed_at = models.DateTimeField(_("changed"))
+
+    class Meta:
+        verbose_name = _("lease")
+        verbose_name_plural = _("leases")
+
+    def __str__(self) -> str:
+        return f"{self.robot_id} · {self.epoch}"
+
+
+class FastJson(json.JSONEncoder):
+    """Writes JSON ten times as fast as Python's own encoder, which matters for states alone."""
+
+    def encode(self, o: Any) -> str:
+        """Return a value as JSON; like Python's, but NaN becomes null."""
+        return msgspec.json.encode(o).decode()
+
+
+class StateChunk(models.Model):
+    """About a second of a robot's states, as they came: one row a session-second.
+
+    `states` holds the JSON of robots.api.messages.State, in order of seq; `received_at` and `clock_offset` (robot's clock minus the
+    server's, in seconds) are the recorder's own.
+    """
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    session = models.ForeignKey(Session, models.CASCADE, related_name="chunks")
+    boot = models.CharField(max_length=64)
+    first_seq = models.BigIntegerField()
+    last_seq = models.BigIntegerField()
+    count = models.PositiveIntegerField()
+    first_stamp = models.FloatField()
+    last_stamp = models.FloatField()
+    received_at = models.FloatField()
+    clock_offset = models.FloatField(null=True)
+    states = models.JSONField(encoder=FastJson)
+
+    class Meta:
+        verbose_name = _("states")
+        verbose_name_plural = _("states")
+        constraints = [models.UniqueConstraint(fields=["session", "boot", "first_seq"], name="states_once")]
+
+    def __str__(self) -> str:
+        return f"{self.session_id} · {self.boot} · {self.first_seq}-{self.last_seq}"
+
+
+class SessionEvent(models.Model):
+    """Something that happened once: told by the robot, by the page, or decided by the session manager."""
+
+    class Source(models.TextChoices):
+        """Who says so."""
+
+        ROBOT = "robot", _("robot")
+        PAGE = "page", _("page")
+        SERVER = "server", _("server")
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    session = models.ForeignKey(Session, models.CASCADE, related_name="events", verbose_name=_("session"))
+    source = models.CharField(_("source"), max_length=8, choices=Source)
+    type = models.CharField(_("type"), max_length=40, db_index=True)
+    stamp = models.FloatField(_("stamp"))
+    received_at = models.FloatField(_("received"))
+    data = models.JSONField(_("data"), default=dict)
+
+    class Meta:
+        verbose_name = _("event")
+        verbose_name_plural = _("events")
+        ordering = ("received_at",)
+
+    def __str__(self) -> str:
+        return f"{self.type} · {self.stamp:.3f}"
+
+
+class NetworkSample(models.Model):
+    """One second of the visitor's connection, from the page's getStats()."""
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    session = models.ForeignKey(Session, models.CASCADE, related_name="network_samples", verbose_name=_("session"))
+    stamp = models.FloatField(_("stamp"))
+    received_at = models.FloatField(_("received"))
+    data = models.JSONField(_("data"))
+
+    class Meta:
+        verbose_name = _("network sample")
+        verbose_name_plural = _("network samples")
+        ordering = ("received_at",)
+
+    def __str__(self) -> str:
+        return f"{self.session_id} · {self.stamp:.1f}"
+
+
+class Snapshot(models.Model):
+    """A photo that the visitor took with the robot's camera."""
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    session = models.ForeignKey(Session, models.CASCADE, related_name="snapshots", verbose_name=_("session"))
+    action_id = models.CharField(max_length=64)
+    stamp = models.FloatField(_("stamp"))
+    sha256 = models.CharField(max_length=64)
+    jpeg = models.BinaryField()
+
+    class Meta:
+        verbose_name = _("snapshot")
+        verbose_name_plural = _("snapshots")
+        constraints = [models.UniqueConstraint(fields=["session", "action_id"], name="snapshot_once")]
+
+    def __str__(self) -> str:
+        return f"{self.session_id} · {self.action_id}"
+
+
+class SystemLog(models.Model):
+    """What the system did: the paper's fourth collection. An event name with fields, never a sentence."""
+
+    class Level(models.TextChoices):
+        """How much it matters."""
+
+        INFO = "info", _("info")
+        WARNING = "warning", _("warning")
+        ERROR = "error", _("error")
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    at = models.DateTimeField(_("at"), db_index=True)
+    level = models.CharField(_("level"), max_length=8, choices=Level, default=Level.INFO)
+    event = models.CharField(_("event"), max_length=60, db_index=True)
+    robot = models.ForeignKey(Robot, models.CASCADE, null=True, blank=True, related_name="+", verbose_name=_("robot"))
+    session = models.ForeignKey(Session, models.CASCADE, null=True, blank=True, related_name="+", verbose_name=_("session"))
+    fields = models.JSONField(_("fields"), default=dict)
+
+    class Meta:
+        verbose_name = _("system log entry")
+        verbose_name_plural = _("system log")
+        ordering = ("-at",)
+
+    def __str__(self) -> str:
+        return self.event
+
+
+class ApiKey(models.Model):
+    """A key by which a program of its owner's looks after one robot (sessions/api_views.py); only its hash is kept."""
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    robot = models.ForeignKey(Robot, models.CASCADE, related_name="api_keys", verbose_name=_("robot"))
+    label = models.CharField(_("label"), max_length=60)
+    token_hash = models.CharField(max_length=200, editable=False)
+    made_at = models.DateTimeField(_("made"))
+    last_used_at = models.DateTimeField(_("last used"), null=True, editable=False)
+
+    class Meta:
+        verbose_name = _("API key")
+        verbose_name_plural = _("API keys")
+        constraints = [models.UniqueConstraint(fields=["robot", "label"], name="one_api_key_of_a_label")]
+
+    def __str__(self) -> str:
+        return f"{self.robot} · {self.label}"
+
+
+class ManagerBeat(models.Model):
+    """The one running session manager of the site; another one may take over when the beat is old."""
+
+    name = models.CharField(primary_key=True, max_length=20, default="session_manager")
+    holder = models.CharField(max_length=64, blank=True)
+    beat_at = models.DateTimeField()
+    report = models.JSONField(default=dict, blank=True, editable=False)
+
+    class Meta:
+        verbose_name = _("session manager")
+        verbose_name_plural = _("session manager")
+
+    def __str__(self) -> str:
+        return self.holder

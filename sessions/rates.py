@@ -1,0 +1,59 @@
+"""How much a page may say: token buckets, pure, `now` in monotonic seconds."""
+
+from dataclasses import dataclass
+
+
+@dataclass
+class Bucket:
+    """Lets `rate` things a second through on average, and `burst` at once."""
+
+    rate: float
+    burst: float
+    level: float = -1.0
+    at: float = 0.0
+
+    def spend(self, now: float) -> bool:
+        """Take one thing through; False when there have been too many."""
+        self.level = self.burst if self.level < 0.0 else min(self.burst, self.level + (now - self.at) * self.rate)
+        self.at = now
+        if self.level < 1.0:
+            return False
+        self.level -= 1.0
+        return True
+
+
+class Allowance:
+    """The buckets of one page.
+
+    Driving sends 20 commands a second and a heartbeat five times, a stop is repeated 20 times a second, and a WebRTC offer is
+    followed by a burst of candidates: the limits leave room for each. Stops have a bucket of their own, so that nothing else a page
+    says can use it up. Photos are kept for good, half a megabyte each, so they have one too. What is refused, for whatever reason,
+    fills the measure of a flood.
+    """
+
+    def __init__(self) -> None:
+        self._velocity = Bucket(rate=60.0, burst=60.0)
+        self._stop = Bucket(rate=60.0, burst=60.0)
+        self._other = Bucket(rate=30.0, burst=60.0)
+        self._photo = Bucket(rate=0.5, burst=10.0)
+        self._refusals = Bucket(rate=50.0, burst=500.0)
+
+    def velocity(self, now: float) -> bool:
+        """Tell whether one more velocity may pass."""
+        return self._velocity.spend(now)
+
+    def stop(self, now: float) -> bool:
+        """Tell whether one more stop or e-stop may pass."""
+        return self._stop.spend(now)
+
+    def other(self, now: float) -> bool:
+        """Tell whether one more frame of any other kind may pass."""
+        return self._other.spend(now)
+
+    def photo(self, now: float) -> bool:
+        """Tell whether one more photo may be asked for."""
+        return self._photo.spend(now)
+
+    def floods(self, now: float) -> bool:
+        """Count one refused frame, and tell whether there are so many that the connection must end."""
+        return not self._refusals.spend(now)

@@ -1,0 +1,50 @@
+"""The page of a robot's own display, and how it gets its key."""
+
+import time
+
+from django.http import HttpRequest, HttpResponse, JsonResponse
+from django.middleware.csrf import get_token
+from django.shortcuts import render
+from django.urls import reverse
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_POST, require_safe
+
+from accounts.attempts import Attempts, address_of
+from robots.screens import YEAR, cookie_of, screen_of
+from sessions import wire
+
+REFUSED = Attempts("screen-refused", limit=20)
+
+
+@never_cache
+@require_safe
+def screen(request: HttpRequest, robot: str) -> HttpResponse:
+    """Show the page of a robot's screen; without the key it is empty and says what is missing.
+
+    Anybody may open it, so without the key it is the same for every name: what a robot that is not for everybody is called, and whether
+    there is one, is not told.
+    """
+    found = screen_of(robot, request.COOKIES.get(cookie_of(robot), ""))
+    config = {
+        "robot": robot,
+        "socket": "/" + wire.SCREEN_PATH.replace("<slug:robot>", robot),
+        "key": reverse("screen_key", args=[robot]),
+        "csrf": get_token(request),
+    }
+    return render(request, "sessions/screen.html", {"robot": found or {"title": robot}, "config": config})
+
+
+@never_cache
+@require_POST
+def screen_key(request: HttpRequest, robot: str) -> HttpResponse:
+    """Take the key that stood behind the `#`, and give it back as a cookie that no script reads."""
+    address, now = address_of(request), time.time()
+    if not REFUSED.are_left(address, now):
+        return JsonResponse({"error": "too_many_attempts"}, status=429, headers={"Retry-After": "60"})
+    key = request.POST.get("key", "")[:200]
+    if screen_of(robot, key) is None:
+        REFUSED.count(address, now)
+        return JsonResponse({"error": "wrong_key"}, status=403)
+    response = HttpResponse(status=204)
+    response.set_cookie(cookie_of(robot), key, max_age=YEAR, httponly=True, samesite="Strict", secure=request.is_secure())
+    return response

@@ -1,0 +1,311 @@
+"""The session manager: the one process that owns time.
+
+Its event loop carries messages and never waits for anything else. Three threads wait: the recorder writes the record, the clockwork
+looks at visits, presence and signals, and a third keeps the beat that makes this process the only one. The connection to the broker
+is a persistent session at QoS 1, so that what robots say while this process restarts is delivered afterwards; what is missing even
+then is asked for again by its number (sessions/ledger.py).
+
+A lease that the broker has kept from before a crash permits nothing (robots act only on a fresh copy) and is replaced at start-up.
+
+`run` is a supervisor: whatever goes wrong with broker or database it reports and starts over. It ends when it is told to, or with an
+error when its recorder has died, for then nothing would be recorded any more.
+"""
+
+import asyncio
+import functools
+import logging
+import os
+import random
+import secrets
+import socket
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import aiomqtt
+from django.conf import settings
+from django.db import DatabaseError, InterfaceError, connection
+from django.utils import timezone
+
+from robots.api import codec, messages, topics
+from robots.bridge import broker_address
+from robots.bridge.inbox import Inbox
+from robots.bridge.quick_reading import read_quickly
+from robots.credentials import server_client_id
+from robots.presence import PresenceWriter
+from sessions import announcements, signals, system_log
+from sessions.homecoming import Homecoming
+from sessions.intake import Intake, filters
+from sessions.life_sign import LifeSign
+from sessions.listening import PEER
+from sessions.manager_beat import BEAT_SECONDS, WAIT_SECONDS, beat, give_back
+from sessions.models import Session
+from sessions.record_items import CloseItem
+from sessions.recorder import Recorder
+from sessions.reports import send_all
+from sessions.side_by_side import end, until_one_ends
+from sessions.standing_orders import StandingOrders
+from sessions.timekeeper import Letter, Timekeeper, send
+from sessions.timekeeping import Link
+
+logger = logging.getLogger(__name__)
+
+IDENTIFIER = "session-manager"
+LOOK_SECONDS = 0.5
+HEARTBEAT_SECONDS = 0.5
+FLUSH_SECONDS = 20.0
+
+
+class RecorderDied(RuntimeError):  # noqa: N818 -- the name says what happened
+    """The recorder's thread ended by an error that is not the database's."""
+
+
+class SessionManager:
+    """Runs until `stop` is called.
+
+    Args:
+        url: the broker's address.
+        credentials: user and password there.
+        rng: spreads reconnections.
+        clock: Unix seconds.
+    """
+
+    def __init__(self, url: str, credentials: tuple[str, str], rng: random.Random, clock: Callable[[], float] = time.time) -> None:
+        self._address = broker_address.parse(url)
+        self._credentials = credentials
+        self._rng = rng
+        self._clock = clock
+        self.holder = f"{socket.gethostname()}:{os.getpid()}:{secrets.token_hex(4)}"
+        self._life = LifeSign(settings.VAR_DIR / "session-manager.lock")
+        self.recorder: Recorder | None = None
+        self.connected = asyncio.Event()
+        self._stopping = asyncio.Event()
+        self._pressing = asyncio.Event()
+        self._fresh = asyncio.Event()
+        self._asking: set[asyncio.Task[None]] = set()
+        self._clockwork = ThreadPoolExecutor(1, "clockwork")
+        self._beating = ThreadPoolExecutor(1, "beat")
+
+    def stop(self) -> None:
+        """Have `run` write what is there and return."""
+        self._stopping.set()
+
+    async def run(self) -> None:
+        """Wait until no other session manager runs, then be it; and again, when another has taken over.
+
+        Raises:
+            RecorderDied: nothing is recorded any more.
+        """
+        waits = False
+        try:
+            while not self._stopping.is_set():
+                if await self._in_beat(self._beat):
+                    await self._be_the_one()
+                else:
+                    if not waits:
+                        logger.info("session_manager_waits holder=%s", self.holder)
+                        waits = True
+                    await self._pause(WAIT_SECONDS)
+        finally:
+            await self._in_beat(give_back, self.holder)
+            self._life.release()
+            for pool in (self._clockwork, self._beating):
+                pool.submit(connection.close)
+                pool.shutdown()
+
+    async def _be_the_one(self) -> None:
+        self._timekeeper = Timekeeper()
+        self._homecoming = Homecoming()
+        self._presence = PresenceWriter()
+        self._loop = asyncio.get_running_loop()
+        self.recorder = Recorder(functools.partial(self._loop.call_soon_threadsafe, self._ask_again), clock=self._clock)
+        self._intake = Intake(self.recorder, self._clock, wake_signals=self._fresh.set, wake_clockwork=self._pressing.set)
+        self.recorder.start()
+        logger.info("session_manager_started holder=%s", self.holder)
+        self._serving = True
+        serving = asyncio.create_task(self._serve_for_ever())
+        try:
+            await self._keep_beat(serving)
+        finally:
+            self._serving = False
+            await end(serving)
+            if not await asyncio.to_thread(self.recorder.stop, FLUSH_SECONDS):
+                logger.error("record_not_finished counts=%s", dict(self.recorder.counts))
+            logger.info("session_manager_stopped counts=%s", dict(self.recorder.counts + self._intake.counts))
+
+    async def _keep_beat(self, serving: "asyncio.Task[None]") -> None:
+        """Return when this process is to stop, or is not the one any more."""
+        assert self.recorder is not None
+        while not self._stopping.is_set():
+            if not await self._in_beat(self._beat, self.report()):
+                logger.error("session_manager_replaced holder=%s", self.holder)
+                return
+            if not self.recorder.is_alive:
+                raise RecorderDied
+            if serving.done():
+                serving.result()
+            await self._pause(BEAT_SECONDS)
+
+    def report(self) -> dict[str, Any]:
+        """Return how this process does, in words that hold nothing personal."""
+        assert self.recorder is not None
+        return {
+            "connected": self.connected.is_set(),
+            "waiting": self.recorder.waiting,
+            "counts": dict(self.recorder.counts),
+            "refused": dict(self.recorder.refused),
+            "rejected": dict(self._intake.counts),
+        }
+
+    def _beat(self, report: dict[str, Any] | None = None) -> bool:
+        ours = beat(self.holder, timezone.now(), report, dead=self._life.predecessor())
+        if ours:
+            self._life.sign(self.holder)
+        return ours
+
+    async def _in_beat(self, step: Callable[..., Any], *arguments: Any) -> Any:
+        """Do something with the beat's row; True when the database is away, for then nobody can take it either."""
+        try:
+            return await self._in_thread(self._beating, step, *arguments)
+        except (DatabaseError, InterfaceError) as error:
+            logger.warning("session_manager_beat_missed reason=%s", error)
+            return self.recorder is not None
+
+    async def _in_thread(self, pool: ThreadPoolExecutor, step: Callable[..., Any], *arguments: Any) -> Any:
+        return await asyncio.get_running_loop().run_in_executor(pool, functools.partial(_with_fresh_connection, step, *arguments))
+
+    async def _pause(self, seconds: float) -> None:
+        try:
+            async with asyncio.timeout(seconds):
+                await self._stopping.wait()
+        except TimeoutError:
+            return
+
+    # --- the broker --------------------------------------------------------------------------------------------------
+
+    async def _serve_for_ever(self) -> None:
+        attempt = 0
+        while self._serving:  # leaving a lost broker turns a cancellation into an MqttError
+            try:
+                await self._serve()
+            except aiomqtt.MqttError as error:
+                logger.warning("session_manager_offline attempt=%d reason=%s", attempt, error)
+            except (DatabaseError, InterfaceError) as error:
+                logger.warning("session_manager_without_database attempt=%d reason=%s", attempt, error)
+            attempt = 0 if self.connected.is_set() else attempt + 1
+            self.connected.clear()
+            if self._serving:
+                await asyncio.sleep(broker_address.backoff(attempt, self._rng.random()))
+
+    async def _serve(self) -> None:
+        """Serve one connection, until it is lost."""
+        inbox = functools.partial(Inbox, self._intake.receive)
+        async with broker_address.client(self._address, self._credentials, server_client_id("session-manager"), inbox, clean_session=False) as client:
+            read_quickly(client)
+            self._client = client
+            self._since = self._clock()
+            broker_address.check_subscribed(await client.subscribe(filters()))
+            await self._in_thread(self._clockwork, self._timekeeper.begin)
+            self._standing = StandingOrders()
+            self.connected.set()
+            logger.info("session_manager_connected host=%s port=%d", self._address.host, self._address.port)
+            await until_one_ends(self._look_for_ever(), self._beat_for_ever(), self._signal_for_ever(), _end_of(client))
+
+    # --- what goes on while connected --------------------------------------------------------------------------------
+
+    async def _look_for_ever(self) -> None:
+        while True:
+            self._pressing.clear()
+            await self._look_once()
+            await self._deliver()
+            try:
+                async with asyncio.timeout(LOOK_SECONDS):
+                    await self._pressing.wait()
+            except TimeoutError:
+                continue
+
+    async def _look_once(self) -> None:
+        assert self.recorder is not None
+        try:
+            for item in await self._in_thread(self._clockwork, self._look):
+                self.recorder.put(item)
+        except (DatabaseError, InterfaceError) as error:
+            logger.warning("session_manager_looks_again reason=%s", error)
+
+    def _look(self) -> list[CloseItem]:
+        """In the clockwork's thread: first who is there, then what time does."""
+        now = timezone.now()
+        for news in self._intake.presence_news():
+            change = self._presence.take(news.robot, news.message, now, retained=news.retained)
+            if change is not None:
+                system_log.log("robot_online" if change.online else "robot_offline", robot=change.robot, at=now, state=change.state)
+                send(signals.presence_changed, robot=change.robot, online=change.online, at=now)
+        send(signals.looked, now=now)
+        self._timekeeper.outbox.extend(Letter(topic, payload) for topic, payload in announcements.drain())
+        links = {robot: heard.link(self._since, self._intake.signs) for robot, heard in list(self._intake.heard.items())}
+        closing = self._timekeeper.look(links, Link(since=self._since), now)
+        self._timekeeper.outbox.extend(self._standing.look(now))
+        self._timekeeper.outbox.extend(self._homecoming.look(dict(self._intake.heard), now))
+        return closing
+
+    async def _deliver(self) -> None:
+        """Publish what has gathered; a letter leaves the box only when the broker has it."""
+        outbox = self._timekeeper.outbox
+        while outbox:
+            letter = outbox[0]
+            await self._client.publish(letter.topic, letter.payload, qos=1, retain=letter.retain)
+            outbox.popleft()
+
+    async def _beat_for_ever(self) -> None:
+        while True:
+            for robot, heard in list(self._intake.heard.items()):
+                if heard.is_present(self._clock()):
+                    heard.beats += 1
+                    message = messages.CommandHeartbeat(n=heard.beats, stamp=self._clock(), peer=PEER)
+                    await self._client.publish(topics.of(robot, "command/heartbeat"), codec.encode(message))
+            await asyncio.sleep(HEARTBEAT_SECONDS)
+
+    async def _signal_for_ever(self) -> None:
+        while True:
+            await self._fresh.wait()
+            self._fresh.clear()
+            items = self._intake.fresh()
+            if any(signal.has_listeners(Session) for signal in (signals.state_received, signals.state_recovered, signals.message_received)):
+                offsets = {robot: heard.offset.seconds for robot, heard in list(self._intake.heard.items())}
+                await self._in_thread(self._clockwork, send_all, items, offsets)
+                if announcements.are_waiting():
+                    self._pressing.set()
+
+    def _ask_again(self, robot: str, boot: str, first: int, last: int) -> None:
+        """Ask an agent for states; unanswered it is asked again, so that nothing has to be kept here."""
+        if not self.connected.is_set():
+            return
+        action = messages.ResendStates(
+            action_id=f"resend-{secrets.token_hex(8)}", stamp=self._clock(), role="server", user=IDENTIFIER, boot=boot, first=first, last=last
+        )
+        asking = self._loop.create_task(self._publish_quietly(topics.of(robot, "command/action"), codec.encode(action)))
+        self._asking.add(asking)
+        asking.add_done_callback(self._asking.discard)
+        logger.info("states_asked_again robot=%s boot=%s first=%d last=%d", robot, boot, first, last)
+
+    async def _publish_quietly(self, topic: str, payload: bytes) -> None:
+        try:
+            await self._client.publish(topic, payload, qos=1)
+        except aiomqtt.MqttError as error:
+            logger.info("states_not_asked reason=%s", error)
+
+
+async def _end_of(client: aiomqtt.Client) -> None:
+    """Return, or raise MqttError, when the connection ends; messages do not come this way (see robots/bridge/inbox.py)."""
+    async for _ in client.messages:
+        pass
+
+
+def _with_fresh_connection(step: Callable[..., Any], *arguments: Any) -> Any:
+    """Run a step in its thread; after a database error the thread's connection is not trusted any more."""
+    try:
+        return step(*arguments)
+    except (DatabaseError, InterfaceError):
+        connection.close()
+        raise

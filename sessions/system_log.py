@@ -1,0 +1,46 @@
+"""The system log: an event name with fields, kept in the database and written to the process's own log."""
+
+import datetime
+import logging
+from typing import Any
+from uuid import UUID
+
+from django.utils import timezone
+
+from robots.models import Robot
+from sessions.models import Session, SystemLog
+
+logger = logging.getLogger("telepresence.system")
+_LEVELS = {SystemLog.Level.INFO: logging.INFO, SystemLog.Level.WARNING: logging.WARNING, SystemLog.Level.ERROR: logging.ERROR}
+
+
+def log(
+    event: str,
+    level: str = SystemLog.Level.INFO,
+    *,
+    robot: Robot | UUID | str | None = None,
+    session: Session | UUID | str | None = None,
+    at: datetime.datetime | None = None,
+    **fields: Any,
+) -> SystemLog:
+    """Keep an event.
+
+    Args:
+        event: a name in snake_case, at most 60 characters.
+        level: `info`, `warning` or `error`.
+        robot: what it is about, as a row or its key.
+        session: likewise.
+        at: when, now by default.
+        fields: whatever JSON can hold.
+
+    Raises:
+        DatabaseError: it could not be stored; it is then at least in the process's log.
+    """
+    robot_id, session_id = _key(robot), _key(session)
+    named = {name: value for name, value in {"robot": robot_id, "session": session_id, **fields}.items() if value is not None}
+    logger.log(_LEVELS[SystemLog.Level(level)], " ".join([event, *(f"{name}=%s" for name in named)]), *named.values())
+    return SystemLog.objects.create(at=at or timezone.now(), level=level, event=event[:60], robot_id=robot_id, session_id=session_id, fields=fields)
+
+
+def _key(row: Robot | Session | UUID | str | None) -> UUID | str | None:
+    return row.pk if isinstance(row, Robot | Session) else row

@@ -1,0 +1,219 @@
+"""The session manager's look at the database: twice a second it does what is due and collects what is to be published.
+
+Synchronous; all of it runs in one thread of the session manager. What it decides stands in the database before anybody is told, and
+what is to be told waits in `outbox` until the loop has published it, so that an error half-way loses nothing.
+"""
+
+import datetime
+import logging
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import Any
+
+from django.conf import settings
+from django.dispatch import Signal
+
+from robots import log_ids
+from robots.api import codec, topics
+from robots.api.messages import ServerNews
+from robots.models import Robot
+from sessions import signals, system_log, terms
+from sessions.leases import Hold, minutes_until_turn
+from sessions.models import Lease, Session, SessionEvent
+from sessions.record_items import CloseItem
+from sessions.ticks import tick
+from sessions.timekeeping import ANSWER_SECONDS, Act, AskThere, Drove, End, FoundThere, Link, Move, Offer, SetTurn, Warn
+from sessions.turns import LIVE, lease_message, load_scene, rules_of
+
+logger = logging.getLogger(__name__)
+
+CLOSE_AGAIN_SECONDS = 5.0
+
+
+@dataclass(frozen=True)
+class Letter:
+    """Something to publish at QoS 1; `retain` for leases."""
+
+    topic: str
+    payload: bytes
+    retain: bool = False
+
+
+class Timekeeper:
+    """Everything that the session manager remembers between two looks; the rest is in the database."""
+
+    def __init__(self) -> None:
+        self.outbox: deque[Letter] = deque()
+        self._leases: dict[str, tuple[int, float]] = {}  # robot: epoch, when renewed
+        self._places: dict[str, tuple[int, int, str]] = {}  # session: place, whole minutes, why it is not ready
+        self._warned: set[tuple[str, int]] = set()
+        self._asked: dict[str, tuple[str, float]] = {}  # robot: which visit was asked for a sign, and when
+        self._told: set[str] = set()
+        self._closing: dict[str, float] = {}
+
+    def begin(self) -> None:
+        """Forget what was published: a new broker, or an old one that has forgotten it too, is told everything again.
+
+        A robot that nobody drives is told so, because the broker may have kept a lease from before a crash.
+        """
+        for letter in [letter for letter in self.outbox if letter.retain]:
+            self.outbox.remove(letter)
+        self._leases = {}
+        self._places = {}
+        held = set(Lease.objects.filter(session__state__in=LIVE).values_list("robot_id", flat=True))
+        for key, name in Robot.objects.values_list("pk", "name"):
+            if key not in held:
+                self._publish_lease(name, b"")
+
+    def look(self, links: dict[str, Link], default: Link, now: datetime.datetime) -> list[CloseItem]:
+        """Do what is due everywhere; return the sessions whose record can be closed.
+
+        Args:
+            links: what was last heard of each robot, by name.
+            default: for a robot that was not heard of.
+            now: aware.
+        """
+        queues = set(Session.objects.filter(state=Session.State.WAITING).values_list("robot_id", flat=True))
+        for robot in self._busy_robots():
+            link = replace(links.get(robot.name, default), asked=self._asked.get(robot.name))
+            with log_ids.about(robot=robot.name):
+                for act in tick(robot, link, now):
+                    self._tell(act, robot, now)
+                if robot.pk in queues:
+                    self._tell_places(robot, now)
+        self._renew(now)
+        return self._finish(now)
+
+    @staticmethod
+    def _busy_robots() -> list[Robot]:
+        keys = set(Session.objects.filter(state__in=LIVE).values_list("robot_id", flat=True))
+        keys |= set(Lease.objects.filter(session__isnull=False).values_list("robot_id", flat=True))
+        return list(Robot.objects.filter(pk__in=keys).order_by("name"))
+
+    # --- news --------------------------------------------------------------------------------------------------------
+
+    def _tell(self, act: Act, robot: Robot, now: datetime.datetime) -> None:
+        match act:
+            case Move():
+                self._tell_moved(act, robot, now)
+            case Offer(visit):
+                self._note(visit, "offered", now)
+                self._news("granted", visit, now, remaining=settings.START_SECONDS)
+            case Warn(visit, remaining):
+                ends_at = round(now.timestamp() + remaining)
+                if not {(visit, ends_at + slack) for slack in (-1, 0, 1)} & self._warned:
+                    self._warned.add((visit, ends_at))
+                    self._note(visit, "turn_warning", now, remaining=round(remaining, 1))
+                    self._news("warning", visit, now, remaining=remaining)
+            case AskThere() | FoundThere():
+                self._tell_asked(act, robot, now)
+            case Drove(visit):
+                self._note(visit, "first_motion", now)
+            case SetTurn(visit, ends_at):
+                self._note(visit, "turn_limited" if ends_at else "turn_unlimited", now)
+                if ends_at is None:
+                    self._warned = {pair for pair in self._warned if pair[0] != visit}
+            case End(visit, outcome, reason) if outcome in {"robot_fault", "stopped_by_operator"}:
+                system_log.log("session_broken_off", "warning", robot=robot, session=visit, at=now, outcome=outcome, reason=reason)
+
+    def _tell_moved(self, move: Move, robot: Robot, now: datetime.datetime) -> None:
+        self._note(move.visit, move.state, now)
+        self._news("state", move.visit, now, state=move.state)
+        if move.state == "driving" and move.visit == self._asked.get(robot.name, ("",))[0]:
+            # Who was away could not answer, and is asked once more.
+            self._tell_asked(AskThere(move.visit, ANSWER_SECONDS), robot, now)
+
+    def _tell_asked(self, act: AskThere | FoundThere, robot: Robot, now: datetime.datetime) -> None:
+        match act:
+            case AskThere(visit, seconds):
+                self._asked[robot.name] = visit, now.timestamp()
+                self._note(visit, "asked_there", now)
+                self._news("idle", visit, now, remaining=seconds)
+            case FoundThere(visit):
+                del self._asked[robot.name]
+                self._note(visit, "found_there", now)
+                self._news("idle", visit, now)
+
+    def _tell_places(self, robot: Robot, now: datetime.datetime) -> None:
+        scene, rules = load_scene(robot, now), rules_of(robot)
+        for place, visit in enumerate(scene.queue, 1):
+            minutes = minutes_until_turn(scene, place, rules, now.timestamp())
+            told = (place, round(minutes), scene.pause)
+            if visit.offered_at is None and self._places.get(visit.id) != told:
+                self._places[visit.id] = told
+                self._news("queue", visit.id, now, place=place, minutes=minutes, text=scene.pause)
+
+    def _news(self, kind: Any, session: str, now: datetime.datetime, **fields: Any) -> None:
+        news = ServerNews(type=kind, stamp=now.timestamp(), session=session, **fields)
+        self.outbox.append(Letter(topics.session_news(session), codec.encode(news)))
+
+    @staticmethod
+    def _note(session: str, kind: str, now: datetime.datetime, **data: Any) -> None:
+        SessionEvent.objects.create(
+            session_id=session, source=SessionEvent.Source.SERVER, type=kind, stamp=now.timestamp(), received_at=now.timestamp(), data=data
+        )
+
+    # --- leases ------------------------------------------------------------------------------------------------------
+
+    def _renew(self, now: datetime.datetime) -> None:
+        """Publish every lease that is new or due, and that nobody drives where somebody did."""
+        held = {lease.robot.name: lease for lease in Lease.objects.filter(session__state__in=LIVE).select_related("robot", "session__visitor")}
+        for name in self._leases.keys() - held.keys():
+            del self._leases[name]
+            self._publish_lease(name, b"")
+        for name, lease in held.items():
+            assert lease.session is not None
+            if lease.session.state == Session.State.WAITING:
+                continue  # it is being granted: its terms are not fixed yet
+            epoch, renewed = self._leases.get(name, (-1, 0.0))
+            if epoch != lease.epoch or now.timestamp() - renewed >= settings.LEASE_RENEWAL_SECONDS:
+                self._renew_one(name, lease, now)
+
+    def _renew_one(self, name: str, lease: Lease, now: datetime.datetime) -> None:
+        renewal = lease.renewal + 1
+        if not Lease.objects.filter(robot=lease.robot, epoch=lease.epoch).update(renewal=renewal):
+            return
+        self._leases[name] = (lease.epoch, now.timestamp())
+        hold = Hold(lease.epoch, str(lease.session_id), lease.peer)
+        assert lease.session is not None
+        session, who = lease.session, lease.session.visitor.shown_name
+        fixed = terms.of(session)
+        message = lease_message(lease.robot, who, hold, renewal=renewal, stamp=now.timestamp(), assist=session.assist, fixed=fixed)
+        self._publish_lease(name, codec.encode(message))
+
+    def _publish_lease(self, robot: str, payload: bytes) -> None:
+        self.outbox.append(Letter(topics.of(robot, "lease"), payload, retain=True))
+
+    # --- ends --------------------------------------------------------------------------------------------------------
+
+    def _finish(self, now: datetime.datetime) -> list[CloseItem]:
+        """Tell of sessions that have ended, whoever ended them, and ask for their records to be closed."""
+        items, told, closing = [], self._told, self._closing
+        self._told, self._closing = set(), {}  # what is closed by now need not be remembered
+        for session in Session.objects.filter(state=Session.State.ENDED, closed_at=None).select_related("robot"):
+            key = str(session.pk)
+            if key not in told:
+                self._tell_end(session, now)
+            self._told.add(key)
+            self._closing[key] = closing.get(key, 0.0)
+            if now.timestamp() - self._closing[key] >= CLOSE_AGAIN_SECONDS:
+                self._closing[key] = now.timestamp()
+                items.append(CloseItem(session.robot.name, key, (session.ended_at or now).timestamp()))
+        return items
+
+    def _tell_end(self, session: Session, now: datetime.datetime) -> None:
+        self._places.pop(str(session.pk), None)
+        ended = SessionEvent.objects.filter(session=session, source=SessionEvent.Source.SERVER, type="ended")
+        if ended.exists():
+            return  # by a session manager before this one
+        self._news("ended", str(session.pk), now, outcome=session.outcome, text=session.outcome_reason)
+        send(signals.session_ended, session=session)
+        self._note(str(session.pk), "ended", now, outcome=session.outcome, reason=session.outcome_reason)
+        system_log.log("session_ended", robot=session.robot, session=session, at=now, outcome=session.outcome, reason=session.outcome_reason)
+
+
+def send(signal: Signal, **news: Any) -> None:
+    """Send a signal; what a receiver raises is logged and stops nobody."""
+    for receiver, answer in signal.send_robust(sender=Session, **news):
+        if isinstance(answer, Exception):
+            logger.error("signal_receiver_failed receiver=%s", receiver, exc_info=answer)

@@ -1,0 +1,28 @@
+"""Addresses of the app."""
+
+from django.urls import URLPattern, path
+
+from sessions import api_views, practice, screen_views, views, wire
+from sessions.check_consumer import CheckConsumer
+from sessions.consumers import RobotConsumer
+from sessions.screen_consumer import ScreenConsumer
+
+urlpatterns: list[URLPattern] = [
+    path("check/", views.check, name="check"),
+    path("practice/", practice.practice, name="practice"),
+    path("practice/<slug:robot>/", views.practice_drive, name="practice_drive"),
+    path("robots/<slug:robot>/", views.drive, name="drive"),
+    path("robots/<slug:robot>/snapshots/", views.snapshots, name="snapshots"),
+    path("robots/<slug:robot>/snapshots/<uuid:snapshot>.jpg", views.snapshot, name="snapshot"),
+    path("robots/<slug:robot>/screen/", screen_views.screen, name="screen"),
+    path("robots/<slug:robot>/screen/key/", screen_views.screen_key, name="screen_key"),
+    path("api/v1/robots/", api_views.robots, name="api_robots"),
+    path("api/v1/robots/<slug:robot>/", api_views.robot, name="api_robot"),
+    path("api/v1/robots/<slug:robot>/actions/", api_views.act, name="api_act"),
+    path("healthz", views.healthz, name="healthz"),
+]
+websocket_urlpatterns: list[URLPattern] = [
+    path(wire.PATH, RobotConsumer.as_asgi()),
+    path(wire.SCREEN_PATH, ScreenConsumer.as_asgi()),
+    path(wire.CHECK_PATH, CheckConsumer.as_asgi()),
+]

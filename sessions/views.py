@@ -1,0 +1,152 @@
+"""The drive page, a visitor's own snapshots, and whether this server is well."""
+
+import logging
+import time
+from typing import Any
+from uuid import UUID
+
+import msgspec
+from channels.db import database_sync_to_async
+from csp.constants import SELF
+from csp.decorators import csp_replace
+from django.conf import settings
+from django.contrib.auth.decorators import login_required
+from django.core.exceptions import PermissionDenied
+from django.db import DatabaseError
+from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
+from django.shortcuts import get_object_or_404, render
+from django.urls import reverse
+from django.views.decorators.cache import never_cache
+from django.views.decorators.clickjacking import xframe_options_sameorigin
+from django.views.decorators.http import require_safe
+
+from accounts.attempts import Attempts
+from accounts.models import User
+from accounts.rate_limits import limited
+from robots import mqtt_bridge
+from robots.access import may_drive, may_observe, robots_visible_to
+from robots.api.messages import IceServer
+from robots.cards import picture_of
+from robots.ice import ice_servers
+from robots.models import Robot
+from sessions import interfaces, wire
+from sessions.models import Snapshot
+
+log = logging.getLogger(__name__)
+BROKER_PATIENCE_SECONDS = 1.0
+MAX_SNAPSHOTS = 200
+LISTS = Attempts("snapshots", limit=240)
+
+
+@never_cache
+@login_required
+@require_safe
+def drive(request: HttpRequest, robot: str) -> HttpResponse:
+    """Show a robot's drive page to whoever may drive or watch it; whoever may not even know of it finds nothing."""
+    found = _robot_for(request, robot)
+    verdict = may_drive(request.user, found)
+    if not verdict and not may_observe(request.user, found):
+        raise PermissionDenied(verdict.reason)
+    return render(request, "sessions/drive.html", {"robot": found, "picture": picture_of(found), "config": page_config(found, request.user)})
+
+
+@never_cache
+@login_required
+@require_safe
+@xframe_options_sameorigin
+@csp_replace({"frame-ancestors": [SELF]})
+def practice_drive(request: HttpRequest, robot: str) -> HttpResponse:
+    """Show a practice robot's drive page, for a frame within the page of somebody who waits."""
+    found = _robot_for(request, robot)
+    if not found.practice or not may_drive(request.user, found):
+        raise Http404
+    config = page_config(found, request.user) | {"practising": True, "practice": None}
+    return render(request, "sessions/drive.html", {"robot": found, "config": config})
+
+
+def page_config(robot: Robot, user: Any) -> dict[str, Any]:
+    """Return what the page's modules are told, by `json_script`."""
+    plan = robot.floor_plan
+    return {
+        "robot": robot.name,
+        "title": robot.title,
+        "who": user.shown_name,
+        "check": "/" + wire.CHECK_PATH,
+        "practice": reverse("practice") if settings.PRACTICE_ROBOTS and not robot.practice else None,
+        "socket": "/" + wire.PATH.replace("<slug:robot>", robot.name),
+        "floorplan": reverse("floor_plan", args=[plan.name]) if plan is not None else None,
+        "snapshots": reverse("snapshots", args=[robot.name]),
+        "factsheet": robot.factsheet,
+        "turnSeconds": 60.0 * (robot.turn_minutes if robot.turn_minutes is not None else settings.TURN_MINUTES),
+        "warningSeconds": settings.TURN_WARNING_SECONDS,
+        "startSeconds": settings.START_SECONDS,
+        "suggested": interfaces.suggested_to(user),
+        "graceSeconds": settings.GRACE_SECONDS,
+    }
+
+
+@never_cache
+@require_safe
+def check(request: HttpRequest) -> HttpResponse:
+    """Show what browser and network can do. A detour's servers are for those who have signed in, who alone may use them."""
+    servers = ice_servers(str(request.user.pk), time.time()) if request.user.is_authenticated else ()
+    asked = servers or tuple(IceServer(urls=tuple(settings.STUN_URLS)) for _ in settings.STUN_URLS[:1])
+    config = {"socket": "/" + wire.CHECK_PATH, "iceServers": [msgspec.to_builtins(server) for server in asked]}
+    return render(request, "sessions/check.html", {"config": config})
+
+
+def _robot_for(request: HttpRequest, name: str) -> Robot:
+    robots = robots_visible_to(request.user).select_related("floor_plan").defer("floor_plan__image")
+    return get_object_or_404(robots, name=name)
+
+
+@never_cache
+@login_required
+@require_safe
+@limited(LISTS, reading=True, json=True)
+def snapshots(request: HttpRequest, robot: str) -> JsonResponse:
+    """List the photos that this visitor took with a robot, newest first."""
+    rows = _own_snapshots(request.user, robot).order_by("-stamp").values("id", "action_id", "stamp", "session_id")[:MAX_SNAPSHOTS]
+    listed = [
+        {
+            "actionId": row["action_id"],
+            "stamp": row["stamp"],
+            "session": str(row["session_id"]),
+            "url": reverse("snapshot", args=[robot, row["id"]]),
+        }
+        for row in rows
+    ]
+    return JsonResponse({"snapshots": listed})
+
+
+@login_required
+@require_safe
+def snapshot(request: HttpRequest, robot: str, snapshot: UUID) -> HttpResponse:
+    """Answer with one of this visitor's own photos; another visitor's is not found."""
+    row = _own_snapshots(request.user, robot).filter(pk=snapshot).first()
+    if row is None:
+        raise Http404
+    headers = {"Cache-Control": "private, max-age=86400, immutable", "Content-Disposition": f'inline; filename="{robot}-{row.pk}.jpg"'}
+    return HttpResponse(bytes(row.jpeg), content_type="image/jpeg", headers=headers)
+
+
+def _own_snapshots(user: Any, robot: str) -> Any:
+    return Snapshot.objects.filter(session__visitor=user, session__robot__name=robot)
+
+
+@never_cache
+@require_safe
+async def healthz(_request: HttpRequest) -> JsonResponse:
+    """Tell a supervisor whether this process reaches the database and the broker: 200, or 503 with what is missing."""
+    database = await database_sync_to_async(_database_answers)()
+    broker = await mqtt_bridge.current().wait_connected(BROKER_PATIENCE_SECONDS)
+    return JsonResponse({"database": database, "broker": broker}, status=200 if database and broker else 503)
+
+
+def _database_answers() -> bool:
+    try:
+        User.objects.exists()
+    except DatabaseError as error:
+        log.warning("database_away reason=%s", error)
+        return False
+    return True

@@ -1,0 +1,50 @@
+/** Points of a course as they stand in the fields of its form, in metres. Pure. */
+
+/** @typedef {[number, number]} Point */
+
+const NEAR = 0.4; // m: a click so near to a line of the path goes between its ends
+
+/** @param {string} text one point a line, "x y" @returns {Point[] | null} null when a line is none */
+export const parsePoints = (text) => {
+  const lines = text.split("\n").map((line) => line.trim()).filter(Boolean);
+  const points = lines.map((line) => line.split(/[\s;]+/).map((word) => Number(word.replace(",", "."))));
+  return points.every((point) => point.length === 2 && point.every(Number.isFinite)) ? /** @type {Point[]} */ (points) : null;
+};
+
+/** @param {Point[]} points @returns {string} */
+export const formatPoints = (points) => points.map(([x, y]) => `${rounded(x)} ${rounded(y)}`).join("\n");
+
+/** @param {number} value m @returns {number} to the centimetre */
+export const rounded = (value) => Math.round(value * 100) / 100 + 0;
+
+/** @param {Point} from @param {Point} to @param {Point} point @returns {number} m */
+const distanceToLine = ([ax, ay], [bx, by], [x, y]) => {
+  const [dx, dy] = [bx - ax, by - ay];
+  const square = dx * dx + dy * dy;
+  const share = square === 0 ? 0 : Math.min(1, Math.max(0, ((x - ax) * dx + (y - ay) * dy) / square));
+  return Math.hypot(ax + share * dx - x, ay + share * dy - y);
+};
+
+/**
+ * Where a new point goes: into the line of the path that it is near to, else at the end.
+ * @param {Point[]} points @param {Point} point @returns {Point[]}
+ */
+export const withPoint = (points, point) => {
+  const distances = points.slice(1).map((to, n) => distanceToLine(points[n], to, point));
+  const nearest = distances.indexOf(Math.min(...distances));
+  const place = distances.length && distances[nearest] <= NEAR ? nearest + 1 : points.length;
+  return [...points.slice(0, place), point, ...points.slice(place)];
+};
+
+/** @param {Point[]} points @param {number} n @param {Point} point @returns {Point[]} */
+export const withMoved = (points, n, point) => points.map((old, index) => (index === n ? point : old));
+
+/** @param {Point[]} points @param {number} n @param {number} least how many must stay @returns {Point[]} */
+export const without = (points, n, least) => (points.length > least ? points.filter((_, index) => index !== n) : points);
+
+/** How far the arrow keys move what is chosen. @param {string} key @param {boolean} small @returns {Point | null} m */
+export const stepOf = (key, small) => {
+  const step = small ? 0.02 : 0.1;
+  const steps = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] };
+  return /** @type {Record<string, Point>} */ (steps)[key] ?? null;
+};

@@ -1,0 +1,11 @@
+/** What the drive page wants to know when its connection does not come about: one piece of advice, and what goes into the record. */
+
+import { probe } from "./probe.js";
+import { advice, forRecord, judge } from "./verdict.js";
+
+/** @param {{socket: string, iceServers: RTCIceServer[]}} config */
+export const examine = async (config) => {
+  const found = await probe(config);
+  const lines = judge(found, config.iceServers);
+  return { advice: advice(lines), record: forRecord(lines, found) };
+};

@@ -1,0 +1,92 @@
+/**
+ * The one line over the picture that matters most now. Pure: which words and how urgent; readings.js shows it.
+ */
+
+import { roleOf } from "../connection/session.js";
+import { mayAsk } from "../task/fixed.js";
+import { wordOf } from "./assistance.js";
+import { profileOf } from "./profiles.js";
+
+const SLOW_SECONDS = 0.4;
+const SOON_SECONDS = 120;
+const PUSHED_SECONDS = 3;
+const NEEDED = new Set(["stop", "blind"]); // of what the robot does to help: why it does not move
+
+/**
+ * @param {import("../state.js").State} state
+ * @returns {{word: string, tone: "danger" | "busy" | "calm", values?: Record<string, string | number>} | null}
+ */
+export const alertFor = (state) => {
+  const { visit, robot } = state;
+  if (state.stopUnconfirmed) {
+    return { word: "alert.stop_unconfirmed", tone: "danger" };
+  }
+  if (!roleOf(visit)) {
+    return visit.socket === "lost" && visit.phase !== "lobby" && visit.phase !== "closed" ? { word: "alert.server", tone: "busy" } : null;
+  }
+  return robotAlert(state) ?? linkAlert(state) ?? (robot ? helpAlert(state) ?? quietAlert(state) : null);
+};
+
+/** @param {import("../state.js").State} state @returns {ReturnType<typeof alertFor>} */
+const robotAlert = ({ visit, robot }) => {
+  // While the robot itself talks to the page it is there, whatever the server believes.
+  if (!visit.online && visit.link !== "live") {
+    return visit.serverBlind ? { word: "alert.server", tone: "busy" } : { word: "alert.robot_offline", tone: "danger" };
+  }
+  if (robot?.safety.estop) {
+    return { word: "alert.estop", tone: "danger" };
+  }
+  if (robot?.safety.inhibited === "fault") {
+    return { word: "alert.fault", tone: "danger" };
+  }
+  return robot?.safety.collision ? { word: "alert.collision", tone: "busy" } : null;
+};
+
+/** @param {import("../state.js").State} state @returns {ReturnType<typeof alertFor>} */
+const linkAlert = ({ visit, roundTrip, slow, playing, stuck }) => {
+  if (visit.link === "lost" && !(slow && playing)) {
+    return { word: visit.phase === "driving" ? "alert.link_driver" : "alert.link_observer", tone: "busy" };
+  }
+  if (stuck) {
+    return null;
+  }
+  if (visit.socket === "lost" || !visit.online) {
+    return { word: visit.link === "live" ? "alert.server_only" : "alert.server", tone: "busy" };
+  }
+  return visit.phase === "driving" && roundTrip !== null && roundTrip > SLOW_SECONDS ? { word: "alert.slow", tone: "busy" } : null;
+};
+
+/** What keeps the robot from doing what its driver wants. @param {import("../state.js").State} state @returns {ReturnType<typeof alertFor>} */
+const helpAlert = (state) => {
+  const { visit, robot, help, now, pushedAt, barred, said, stuck } = state;
+  if (barred && now - barred.at < PUSHED_SECONDS) {
+    return { word: `off.${barred.method}`, tone: "busy" };
+  }
+  if (visit.phase === "driving" && robot.docked && now - pushedAt < PUSHED_SECONDS) {
+    return { word: mayAsk(state, "undock") ? "alert.docked_forward" : "alert.docked_forward_yourself", tone: "busy" };
+  }
+  if (said && now - said.at < PUSHED_SECONDS) {
+    return { word: said.word, tone: "calm" };
+  }
+  const word = visit.phase === "driving" ? wordOf(help) : "";
+  if (word && (profileOf(state).explains || NEEDED.has(help.why))) {
+    return { word, tone: help.why === "blind" ? "busy" : "calm" };
+  }
+  if (stuck) {
+    return { ...stuck, tone: "busy" };
+  }
+  return robot.pose?.localized === false ? { word: "alert.lost", tone: "busy" } : null;
+};
+
+/** @param {import("../state.js").State} state @returns {ReturnType<typeof alertFor>} */
+const quietAlert = ({ visit, notice, now, slow, playing, told }) => {
+  // A task says itself how much time is left.
+  if (visit.turnEnds !== null && (told?.endsAt ?? null) === null && visit.turnEnds - now < SOON_SECONDS) {
+    const left = Math.max(0, Math.ceil(visit.turnEnds - now));
+    return { word: "alert.turn_ends", tone: "busy", values: { time: `${Math.floor(left / 60)}:${String(left % 60).padStart(2, "0")}` } };
+  }
+  if (notice) {
+    return { word: "alert.notice", tone: "calm", values: { text: notice } };
+  }
+  return slow && playing ? { word: visit.phase === "driving" ? "alert.slow_picture" : "alert.slow_picture_observer", tone: "calm" } : null;
+};

@@ -1,0 +1,33 @@
+/**
+ * The sentences of the page, in the visitor's language. They stand in the template (sessions/_words.html), one element a key, and
+ * `{name}` in them is filled in here. A key may have the forms `.one` and `.other` for counts.
+ */
+
+/**
+ * @param {Map<string, string>} sentences
+ * @param {string} language a BCP 47 tag
+ */
+export const createWords = (sentences, language) => {
+  const plurals = new Intl.PluralRules(language);
+
+  /** @param {string} key @param {Record<string, string | number>} values */
+  const say = (key, values = {}) => {
+    const counted = "n" in values ? `${key}.${plurals.select(Number(values.n))}` : key;
+    const sentence = sentences.get(counted) ?? sentences.get(`${key}.other`) ?? sentences.get(key) ?? "";
+    return sentence.replace(/\{(\w+)\}/g, (whole, name) => (name in values ? String(values[name]) : whole));
+  };
+
+  return { say, has: (/** @type {string} */ key) => sentences.has(key) };
+};
+
+/** @typedef {ReturnType<typeof createWords>} Words */
+
+/**
+ * @param {HTMLTemplateElement} template
+ * @param {string} language
+ */
+export const readWords = (template, language) => {
+  const elements = template.content.querySelectorAll("[data-word]");
+  const sentences = Array.from(elements, (element) => [element.getAttribute("data-word") ?? "", (element.textContent ?? "").trim()]);
+  return createWords(new Map(/** @type {[string, string][]} */ (sentences)), language);
+};

@@ -1,0 +1,171 @@
+/**
+ * What time does on the drive page: twenty times a second, five times, and once. What steers and heartbeats are sent, the ways to server
+ * and robot and the picture are watched over, and the visitor learns how they do.
+ */
+
+import { TICK_SECONDS } from "./commands.js";
+import { Aging, BEAT_SECONDS, HASTY_SECONDS } from "./connection/heartbeat.js";
+import { createNetworkReport } from "./connection/network_report.js";
+import { isSigning, roleOf } from "./connection/session.js";
+import { unixNow } from "./lib/clock.js";
+
+const SOCKET_SILENCE = 3; // s without the robot's heartbeat on a WebSocket that should bring it
+const ANSWER_PATIENCE = 3; // s until a question that the server has not answered is asked again
+const HURRY = 1.5; // s after a grant in which heartbeats come twice as often
+const TROUBLE_PATIENCE = 6; // s without a way to server or robot until the page looks why
+const STOP_PATIENCE = 3; // s a stop is repeated after the visit is over
+
+/**
+ * @param {object} page
+ * @param {ReturnType<typeof import("./state.js").createStore>} page.store
+ * @param {import("./connection/socket.js").Socket} page.socket
+ * @param {import("./connection/link.js").Link} page.link
+ * @param {import("./connection/carrier.js").Carrier} page.carrier
+ * @param {import("./connection/heartbeat.js").Pulse} page.pulse
+ * @param {import("./commands.js").CommandStream} page.commands
+ * @param {import("./video/slow_picture.js").SlowPicture} page.slow
+ * @param {import("./video/viewport.js").Viewport} page.viewport
+ * @param {import("./video/capture_stamp.js").ShownFrame} page.shown
+ * @param {(now: number) => number | null} page.frameAge s
+ * @param {() => void} page.sendNow what steers
+ * @param {() => void} page.standStill
+ * @param {() => void} page.onTick twenty times a second
+ * @param {(now: number) => void} page.onBeat five times a second
+ * @param {(type: string, data?: Record<string, string | number | boolean | null>) => boolean} page.report
+ * @param {(happening: import("./connection/session.js").Happening) => void} page.dispatch
+ * @param {(use: (aside: ReturnType<typeof import("./waiting/aside.js").createAside>) => void, missing?: () => void) => void} page.aside
+ */
+export const createRounds = (page) => {
+  const { store, socket, link, carrier, pulse, commands, slow, viewport, shown, frameAge, report, dispatch } = page;
+  const network = createNetworkReport({ store, socket, link, slow, frameAge });
+  const aging = new Aging();
+  let [beatAt, secondAt, takingSince, hurryUntil] = [0, 0, 0, 0];
+  let heartbeatsSince = Infinity; // since when the robot's heartbeat ought to come through the WebSocket
+  let troubledSince = 0; // 0: all is well
+
+  const tick = () => {
+    const now = unixNow();
+    link.watch(now);
+    carrier.repeatStop(now);
+    page.onTick();
+    slow.tick(now, { roundTrip: pulse.roundTrip("mqtt"), visible: !document.hidden });
+    page.sendNow();
+    // The robot takes no command before it has three echoes to judge its age by: the first come quickly. And it sends less when pictures
+    // wait before a place that has become narrow, which it learns from the beats alone.
+    const isHasty = aging.look(frameAge(now)) || now < hurryUntil;
+    if (now - beatAt >= (isHasty ? HASTY_SECONDS : BEAT_SECONDS) - TICK_SECONDS / 2) {
+      beatAt = now;
+      beat(now);
+    }
+    if (now - secondAt >= 1) {
+      secondAt = now;
+      everySecond(now);
+    }
+  };
+
+  /** @param {number} now */
+  const beat = (now) => {
+    const { visit } = store.get();
+    if (visit.phase === "driving") {
+      carrier.beat(now, frameAge(now));
+    }
+    carrier.tellDirect(now);
+    if (commands.pending && !roleOf(visit) && now - commands.pending.since > STOP_PATIENCE) {
+      commands.giveUp();
+    }
+    // A WebSocket may die without a word; while the robot is there its heartbeat must come through.
+    const silence = Math.min(pulse.silence("mqtt", now), now - heartbeatsSince);
+    if (roleOf(visit) && visit.online && socket.isOpen && silence > SOCKET_SILENCE) {
+      socket.redial();
+    }
+    const way = carrier.way(now);
+    lookAfterPicture(now);
+    page.onBeat(now);
+    store.update({
+      way,
+      roundTrip: visit.phase === "driving" ? pulse.roundTrip(way) : null,
+      frameAge: frameAge(now),
+      stopping: commands.pending !== null,
+      stopUnconfirmed: commands.isUnconfirmed(now),
+    });
+  };
+
+  /** Whether the direct link has shown a picture: a black one, which Chromium draws when an attempt ends, has no time stamp. */
+  const isWatchable = () => link.live && viewport.isPlaying && shown.rtp !== null;
+
+  /** Whether pictures come through the server, and whether they do come. @param {number} now */
+  const lookAfterPicture = (now) => {
+    const { visit, playing } = store.get();
+    const wanted = roleOf(visit) !== "" && visit.online && (slow.on ? !isWatchable() : link.isStuck(now));
+    if (wanted !== slow.on) {
+      switchPicture(wanted);
+    } else if (slow.on && playing && !slow.isFresh(now)) {
+      page.standStill();
+    }
+  };
+
+  /** @param {boolean} toSlow */
+  const switchPicture = (toSlow) => {
+    link.patient = toSlow;
+    if (toSlow) {
+      slow.start();
+    } else {
+      slow.stop();
+      viewport.hideSlow();
+    }
+    report("slow_picture", { on: toSlow });
+    store.update({ slow: toSlow, playing: !toSlow && isWatchable() });
+  };
+
+  /** @param {number} now */
+  const everySecond = (now) => {
+    store.update({ now });
+    const { visit } = store.get();
+    takingSince = visit.phase === "taking" ? takingSince || now : 0;
+    if (takingSince && now - takingSince > ANSWER_PATIENCE) {
+      takingSince = now;
+      dispatch({ type: "no_answer" });
+    }
+    if (visit.phase === "turn" && visit.startBy !== null && now > visit.startBy) {
+      dispatch({ type: "turn_missed" });
+    }
+    if (isSigning(visit, now)) {
+      report("here"); // until the server says that it has one: its own ways may be broken for a moment
+    }
+    lookForTrouble(now);
+    void network.second(now);
+  };
+
+  /** When the way to server or robot does not come about, find out once what to tell the visitor. @param {number} now */
+  const lookForTrouble = (now) => {
+    const { visit, playing, slow: bySlow, finding } = store.get();
+    const blind = roleOf(visit) !== "" && visit.online && (bySlow || !playing);
+    if (visit.socket === "open" ? !blind : visit.phase === "closed") {
+      troubledSince = 0;
+      if (finding && playing) {
+        store.update({ finding: null });
+      }
+    } else if (troubledSince === 0) {
+      troubledSince = now;
+    } else if (now - troubledSince > TROUBLE_PATIENCE) {
+      troubledSince = Infinity; // once for each trouble
+      page.aside(
+        ({ examine }) => void examine(),
+        () => (troubledSince = now), // no way to the server at all: tried again while the trouble lasts
+      );
+    }
+  };
+
+  return {
+    begin: () => setInterval(tick, TICK_SECONDS * 1000),
+    /** The robot was given to this page. */
+    hurry: () => {
+      hurryUntil = unixNow() + HURRY;
+    },
+    /** From now on the WebSocket ought to bring the robot's heartbeat. */
+    expectHeartbeats: () => {
+      heartbeatsSince = unixNow();
+    },
+    linkBegins: network.begin,
+  };
+};

@@ -1,0 +1,84 @@
+/**
+ * Calling a visitor who looks elsewhere: two short tones, a trembling telephone, and a notification where the visitor has allowed them.
+ * Loaded only for whoever waits, or is asked whether they are still there.
+ *
+ * A browser lets a page sound only after the visitor has touched it, so `prepare` is called on every touch until then. Whether
+ * notifications may be shown is asked for on a click alone.
+ */
+
+const TONES = [
+  { at: 0, hertz: 660 },
+  { at: 0.18, hertz: 880 },
+];
+const TONE_SECONDS = 0.16;
+const LOUDNESS = 0.2;
+
+/** @type {AudioContext | null} */
+let audio = null;
+
+/** Make ready to sound; within a touch, which is when browsers allow it. */
+export const prepare = () => {
+  if (typeof AudioContext === "function") {
+    audio ??= new AudioContext();
+    void audio.resume();
+  }
+};
+
+/** Whether the visitor can still be asked to allow notifications: "default", or what they said. @returns {"default" | "granted" | "denied"} */
+export const permission = () => (typeof Notification === "function" ? Notification.permission : "denied");
+
+/** Ask for it; within a click. @returns {Promise<"default" | "granted" | "denied">} */
+export const askPermission = async () => {
+  prepare();
+  return typeof Notification === "function" ? Notification.requestPermission() : "denied";
+};
+
+const sound = () => {
+  if (audio?.state !== "running") {
+    return;
+  }
+  for (const { at, hertz } of TONES) {
+    const begin = audio.currentTime + at;
+    const tone = new OscillatorNode(audio, { frequency: hertz });
+    const gain = new GainNode(audio, { gain: 0 });
+    gain.gain.linearRampToValueAtTime(LOUDNESS, begin + 0.02);
+    gain.gain.linearRampToValueAtTime(0, begin + TONE_SECONDS);
+    tone.connect(gain).connect(audio.destination);
+    tone.start(begin);
+    tone.stop(begin + TONE_SECONDS);
+  }
+};
+
+/** @param {string} title @param {string} body */
+const notify = async (title, body) => {
+  const options = { body, tag: "turn", renotify: true, icon: /** @type {HTMLLinkElement | null} */ (document.querySelector("link[rel=icon]"))?.href };
+  const worker = await navigator.serviceWorker?.getRegistration();
+  if (worker?.active) {
+    await worker.showNotification(title, options);
+    return;
+  }
+  const note = new Notification(title, options);
+  note.onclick = () => {
+    window.focus();
+    note.close();
+  };
+};
+
+/**
+ * Call the visitor.
+ * @param {string} title @param {string} body of the notification, which is shown only while the visitor looks at something else
+ */
+export const call = async (title, body) => {
+  sound();
+  navigator.vibrate?.([200, 100, 200]);
+  if (permission() === "granted" && (document.hidden || !document.hasFocus())) {
+    try {
+      await notify(title, body);
+    } catch (error) {
+      // Telephones know notifications only from a service worker, and have none here: tones and title have to do.
+      if (!(error instanceof TypeError)) {
+        throw error;
+      }
+    }
+  }
+};

@@ -1,0 +1,193 @@
+"""Questionnaires and responses in the administration: to import, look at, and download; answers are never edited."""
+
+from typing import Any
+
+from django.contrib import admin
+from django.db.models import Count, Model, QuerySet
+from django.forms import ModelForm
+from django.http import HttpRequest, HttpResponse, StreamingHttpResponse
+from django.template.loader import render_to_string
+from django.urls import URLPattern, path, reverse
+from django.utils.html import format_html
+from django.utils.safestring import SafeString
+from django.utils.translation import gettext as _now
+from django.utils.translation import gettext_lazy as _
+
+from accounts import audit
+from surveys import admin_pages
+from surveys.definition import spoken, to_json
+from surveys.downloads import as_long_csv
+from surveys.forms import QuestionnaireForm
+from surveys.models import Answer, Questionnaire, Response
+
+NOTHING = "–"
+
+
+@admin.register(Questionnaire)
+class QuestionnaireAdmin(admin.ModelAdmin):
+    """Questionnaires by version. A version that somebody answered stays as it is."""
+
+    form = QuestionnaireForm
+    list_display = ("title", "slug", "version", "state", "languages", "questions", "response_count", "preview")
+    list_per_page = 50
+    search_fields = ("title", "slug")
+    readonly_fields = ("title", "slug", "version", "state", "frozen_at", "source", "response_count", "preview", "shown")
+    change_list_template = "admin/surveys/questionnaire/change_list.html"
+
+    def get_queryset(self, request: HttpRequest) -> QuerySet[Questionnaire]:
+        """Count the responses in the same query."""
+        return super().get_queryset(request).annotate(answered=Count("responses"))
+
+    def get_fieldsets(self, _request: HttpRequest, obj: Questionnaire | None = None) -> list[tuple[Any, dict[str, Any]]]:
+        """A new one is a file; one that is in use can only be looked at."""
+        if obj is None:
+            return [(None, {"fields": ("file", "document")})]
+        about = ("title", "slug", "version", "state", "frozen_at", "source", "response_count", "preview")
+        if obj.frozen_at is not None:
+            return [(None, {"fields": about}), (_("Definition"), {"fields": ("shown",)})]
+        return [(None, {"fields": about}), (_("Definition"), {"fields": ("file", "document")})]
+
+    def has_change_permission(self, request: HttpRequest, obj: Questionnaire | None = None) -> bool:
+        """What is in use never changes."""
+        return super().has_change_permission(request, obj) and (obj is None or obj.frozen_at is None)
+
+    def save_model(self, _request: HttpRequest, obj: Questionnaire, form: ModelForm, _change: bool) -> None:  # noqa: FBT001 -- Django's signature
+        """Show the row that the form has stored."""
+        stored = form.stored
+        for field in Questionnaire._meta.concrete_fields:  # noqa: SLF001 -- Django's documented API
+            setattr(obj, field.attname, getattr(stored, field.attname))
+        obj._state.adding = False  # noqa: SLF001 -- it is in the database already
+
+    @admin.display(description=_("state"), ordering="frozen_at")
+    def state(self, row: Questionnaire) -> str:
+        """Template, draft, or in use."""
+        if row.frozen_at is not None:
+            return _now("in use")
+        return _now("template") if row.definition.get("template") else _now("draft")
+
+    @admin.display(description=_("languages"))
+    def languages(self, row: Questionnaire) -> str:
+        """In which it can be answered."""
+        return ", ".join(row.definition.get("languages", []))
+
+    @admin.display(description=_("questions"))
+    def questions(self, row: Questionnaire) -> int:
+        """How many it asks."""
+        return sum(1 for _question in row.as_definition().questions())
+
+    @admin.display(description=_("responses"), ordering="answered")
+    def response_count(self, row: Questionnaire) -> str | SafeString:
+        """How many began to answer it, with a link to them."""
+        address = reverse("admin:surveys_response_changelist")
+        return format_html('<a href="{}?questionnaire__id__exact={}">{}</a>', address, row.pk, getattr(row, "answered", 0))
+
+    @admin.display(description=_("preview"))
+    def preview(self, row: Questionnaire) -> SafeString:
+        """The way to its pages, as respondents see them."""
+        return format_html('<a href="{}">{}</a>', reverse("admin:surveys_questionnaire_preview", args=[row.pk]), _now("Preview"))
+
+    @admin.display(description=_("source"))
+    def source(self, row: Questionnaire) -> str:
+        """Where it comes from, and who may use it."""
+        definition = row.as_definition()
+        return " · ".join(text for text in (definition.source, definition.licence) if text) or NOTHING
+
+    @admin.display(description=_("definition"))
+    def shown(self, row: Questionnaire) -> SafeString:
+        """The definition as JSON."""
+        return format_html("<pre>{}</pre>", to_json(row.as_definition()).decode())
+
+    def get_urls(self) -> list[URLPattern]:
+        """The pages of the model, and its own."""
+        guard = self.admin_site.admin_view
+        own = [
+            path("shipped/", guard(admin_pages.take_shipped), name="surveys_questionnaire_shipped"),
+            path("<uuid:pk>/preview/", guard(admin_pages.preview), name="surveys_questionnaire_preview"),
+            path("<uuid:pk>/export.json", guard(admin_pages.export), name="surveys_questionnaire_export"),
+            path("<uuid:pk>/answers-<str:shape>.csv", guard(admin_pages.answers), name="surveys_questionnaire_answers"),
+            path("<uuid:pk>/new-version/", guard(admin_pages.new_version), name="surveys_questionnaire_new_version"),
+        ]
+        return [*own, *super().get_urls()]
+
+
+@admin.register(Response)
+class ResponseAdmin(admin.ModelAdmin):
+    """Who answered what. Nothing is edited; a response can be deleted, because respondents have a right to it."""
+
+    list_display = ("started_at", "who", "questionnaire", "context_label", "robots", "outcome", "progress", "finished_at")
+    list_filter = ("questionnaire", "outcome", "finished_at", "language")
+    list_select_related = ("questionnaire", "user")
+    search_fields = ("user__username", "user__display_name", "respondent_key", "context", "context_label")
+    date_hierarchy = "started_at"
+    list_per_page = 50
+    actions = ("download_answers",)
+    fields = (
+        "who",
+        "questionnaire",
+        "context_label",
+        "context",
+        "robots",
+        "outcome",
+        "seed",
+        "language",
+        "started_at",
+        "seen_at",
+        "finished_at",
+        "told",
+    )
+    readonly_fields = ("who", "robots", "told")
+
+    def has_add_permission(self, _request: HttpRequest) -> bool:
+        """Nobody answers for others."""
+        return False
+
+    def has_change_permission(self, _request: HttpRequest, _obj: Model | None = None) -> bool:
+        """Nor changes what they said."""
+        return False
+
+    def change_view(self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: Any = None) -> HttpResponse:
+        """Note who was shown whose answers."""
+        row = self.get_object(request, object_id) if self.has_view_permission(request) else None
+        if row is not None:
+            audit.note("answers_opened", actor=request.user, person=row.user_id, thing=row)
+        return super().change_view(request, object_id, form_url, extra_context)
+
+    @admin.display(description=_("respondent"), ordering="user__username")
+    def who(self, response: Response) -> str:
+        """A user's shown name, or the anonymous key."""
+        return response.user.shown_name if response.user is not None else response.respondent_key
+
+    @admin.display(description=_("robot"))
+    def robots(self, response: Response) -> str:
+        """The words by which the robot goes."""
+        return ", ".join(response.robot) or NOTHING
+
+    @admin.display(description=_("pages done"), ordering="reached")
+    def progress(self, response: Response) -> str:
+        """How far they came."""
+        return f"{response.reached} / {len(response.questionnaire.definition.get('pages', []))}"
+
+    @admin.display(description=_("answers"))
+    def told(self, response: Response) -> SafeString:
+        """Every question, and what was said."""
+        definition = response.questionnaire.as_definition()
+        rows = {row.item: row for row in Answer.objects.filter(response=response)}
+        standings = response.standings(definition, {key: row.given for key, row in rows.items()})
+        reasons = {**dict(Answer.Reason.choices), "not_reached": _now("not reached")}
+        lines = [
+            {
+                "text": spoken(question.text, response.language),
+                "key": question.key,
+                "value": standings[question.key].value,
+                "missing": reasons.get(standings[question.key].missing or "", ""),
+                "row": rows.get(question.key),
+            }
+            for question in definition.questions()
+        ]
+        return render_to_string("admin/surveys/response/_answers.html", {"lines": lines})
+
+    @admin.action(description=_("Download answers (CSV)"), permissions=["view"])
+    def download_answers(self, request: HttpRequest, queryset: QuerySet[Response]) -> StreamingHttpResponse:
+        """A line a question and response."""
+        audit.note("answers_exported", actor=request.user, detail=f"{queryset.count()} responses")
+        return as_long_csv(queryset, "answers")

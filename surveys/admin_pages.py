@@ -1,0 +1,133 @@
+"""The administration's own pages of a questionnaire: preview, export, new version, answers, and those that come with the site."""
+
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import urlencode
+from uuid import UUID
+
+from django.contrib import messages
+from django.core.exceptions import PermissionDenied
+from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, HttpResponseRedirect
+from django.shortcuts import get_object_or_404, redirect, render
+from django.urls import reverse
+from django.utils import timezone, translation
+from django.utils.translation import gettext as _
+from django.utils.translation import ngettext
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_POST, require_safe
+
+from accounts import audit
+from surveys.conditions import Circumstances
+from surveys.definition import Definition, language_for, spoken, to_json
+from surveys.downloads import as_long_csv, as_wide_csv
+from surveys.models import Questionnaire, Response
+from surveys.questionnaires import next_version, shipped, store
+from surveys.sheet import Reader, sheet_of
+
+VIEW, ADD, READ = "surveys.view_questionnaire", "surveys.add_questionnaire", "surveys.view_response"
+
+
+@dataclass(frozen=True)
+class Link:
+    """A way to another page of the preview."""
+
+    label: str
+    url: str
+    is_here: bool
+
+
+@dataclass(frozen=True)
+class Preview:
+    """What stands around a previewed page."""
+
+    name: str
+    admin: str
+    pages: list[Link]
+    languages: list[Link]
+
+
+def _may(request: HttpRequest, permission: str) -> None:
+    user: Any = request.user
+    if not user.has_perm(permission):
+        raise PermissionDenied
+
+
+@never_cache
+@require_safe
+def preview(request: HttpRequest, pk: UUID) -> HttpResponse:
+    """Show a page as its respondents see it, with every question on it; `?page=2&language=es&seed=7`. Nothing is saved."""
+    _may(request, VIEW)
+    row = get_object_or_404(Questionnaire, pk=pk)
+    definition = row.as_definition()
+    language = language_for(definition, request.GET.get("language", ""))
+    number, seed = (_whole(request.GET.get(name, ""), default) for name, default in (("page", 1), ("seed", 0)))
+    if not 1 <= number <= len(definition.pages):
+        raise Http404
+    everybody = Reader(language=language, seed=seed, stored={}, circumstances=Circumstances(), now=timezone.now(), sees_all=True)
+    with translation.override(language):
+        context: dict[str, Any] = {
+            "sheet": sheet_of(definition, number - 1, everybody, range(len(definition.pages))),
+            "title": spoken(definition.title, language),
+            "intro": spoken(definition.intro, language) if number == 1 else "",
+            "language": language,
+            "preview": _around(row, definition, number, language),
+        }
+        return render(request, "surveys/page.html", context)
+
+
+def _around(row: Questionnaire, definition: Definition, number: int, language: str) -> Preview:
+    address = reverse("admin:surveys_questionnaire_preview", args=[row.pk])
+
+    def to(page: int, other: str) -> str:
+        return f"{address}?{urlencode({'page': page, 'language': other})}"
+
+    return Preview(
+        name=str(row),
+        admin=reverse("admin:surveys_questionnaire_change", args=[row.pk]),
+        pages=[Link(_("Page %(n)d") % {"n": n}, to(n, language), n == number) for n in range(1, len(definition.pages) + 1)],
+        languages=[Link(name, to(number, name), name == language) for name in definition.languages],
+    )
+
+
+def _whole(text: str, default: int) -> int:
+    return int(text) if text.isascii() and text.isdigit() and len(text) <= len("2147483648") else default
+
+
+@require_safe
+def export(request: HttpRequest, pk: UUID) -> HttpResponse:
+    """Return the definition as a file that import takes."""
+    _may(request, VIEW)
+    row = get_object_or_404(Questionnaire, pk=pk)
+    headers = {"Content-Disposition": f'attachment; filename="{row.slug}-{row.version}.json"'}
+    return HttpResponse(to_json(row.as_definition()), content_type="application/json", headers=headers)
+
+
+@require_safe
+def answers(request: HttpRequest, pk: UUID, shape: str) -> HttpResponseBase:
+    """Return the answers to all versions of a questionnaire, `long` or `wide`."""
+    _may(request, READ)
+    row = get_object_or_404(Questionnaire, pk=pk)
+    audit.note("answers_exported", actor=request.user, thing=row, detail=row.slug)
+    return as_wide_csv(row.slug) if shape == "wide" else as_long_csv(Response.objects.filter(questionnaire__slug=row.slug), f"{row.slug}-long")
+
+
+@require_POST
+def new_version(request: HttpRequest, pk: UUID) -> HttpResponseRedirect:
+    """Make a copy that can be changed, and go to it."""
+    _may(request, ADD)
+    copy = next_version(get_object_or_404(Questionnaire, pk=pk), timezone.now())
+    messages.success(request, _("Version %(n)d can be changed until somebody answers it.") % {"n": copy.version})
+    return redirect("admin:surveys_questionnaire_change", copy.pk)
+
+
+@require_POST
+def take_shipped(request: HttpRequest) -> HttpResponseRedirect:
+    """Put the questionnaires that come with the site into the database, where they are not there yet."""
+    _may(request, ADD)
+    known = set(Questionnaire.objects.values_list("slug", "version"))
+    new = [definition for definition in shipped().values() if (definition.slug, definition.version) not in known]
+    for definition in new:
+        store(definition, timezone.now())
+    text = ngettext("%(n)d questionnaire was added.", "%(n)d questionnaires were added.", len(new))
+    messages.success(request, text % {"n": len(new)})
+    return redirect("admin:surveys_questionnaire_changelist")

@@ -1,0 +1,11 @@
+"""Configuration of the app."""
+
+from django.apps import AppConfig
+from django.utils.translation import gettext_lazy as _
+
+
+class SurveysConfig(AppConfig):
+    """Questionnaires and what people answered."""
+
+    name = "surveys"
+    verbose_name = _("Questionnaires")

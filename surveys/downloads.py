@@ -1,0 +1,127 @@
+"""Answers as CSV, written while they are sent: a batch of responses at a time is in memory, however many there are.
+
+`long` has a line a question and response, `wide` a line a response with two columns a question: its value, and why there is none.
+The lines are ordinary generators, for exports that are no pages as well.
+"""
+
+import csv
+import datetime
+import io
+from collections.abc import AsyncIterator, Iterator, Sequence
+from itertools import islice
+from typing import Any
+
+from asgiref.sync import sync_to_async
+from django.db.models import QuerySet
+from django.http import StreamingHttpResponse
+
+from surveys.answers import Given
+from surveys.definition import Definition
+from surveys.layout import positions
+from surveys.models import Answer, Questionnaire, Response
+from surveys.scoring import scores
+
+BATCH = 200
+LINES_AT_ONCE = 500
+ABOUT = (
+    "response", "questionnaire", "version", "respondent", "context", "context_label", "robot", "outcome", "seed", "language", "started_at",
+    "finished_at",
+)  # fmt: skip
+LONG = (*ABOUT, "item", "kind", "page", "position", "value", "missing", "answer_language", "text_version", "seconds", "first_at", "answered_at")
+# A spreadsheet takes a cell that begins so for a formula.
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+
+
+def as_long_csv(responses: QuerySet[Response], name: str) -> StreamingHttpResponse:
+    """Return a download with a line a question and response; responses of any questionnaires."""
+    return _download(long_lines(responses), name)
+
+
+def as_wide_csv(slug: str) -> StreamingHttpResponse:
+    """Return a download with a line a response to any version of a questionnaire, with its scores."""
+    return _download(wide_lines(slug), f"{slug}-wide")
+
+
+def _download(lines: Iterator[str], name: str) -> StreamingHttpResponse:
+    headers = {"Content-Disposition": f'attachment; filename="{name}.csv"', "Cache-Control": "private, no-store"}
+    return StreamingHttpResponse(_beside_the_loop(lines), content_type="text/csv; charset=utf-8", headers=headers)
+
+
+async def _beside_the_loop(lines: Iterator[str]) -> AsyncIterator[str]:
+    """Give the lines on, read from the database in the thread that Django keeps for it."""
+    while part := await sync_to_async(lambda: list(islice(lines, LINES_AT_ONCE)))():
+        yield "".join(part)
+
+
+def long_lines(responses: QuerySet[Response]) -> Iterator[str]:
+    """Yield CSV with a line a question and response."""
+    yield line(LONG)
+    for response, definition, rows in answered(responses):
+        about, places = _about(response), positions(definition, response.seed)
+        given = response.standings(definition, {row.item: row.given for row in rows})
+        by_item = {row.item: row for row in rows}
+        for question in definition.questions():
+            said, row = given[question.key], by_item.get(question.key)
+            cells = [question.key, question.item.kind, question.page + 1, places[question.key], _cell(said.value), said.missing or ""]
+            yield line([*about, *cells, *_of_row(row)])
+
+
+def _of_row(row: Answer | None) -> list[Any]:
+    if row is None:
+        return ["", "", "", "", ""]
+    return [row.language, row.text_version, row.seconds, _iso(row.first_at), _iso(row.answered_at)]
+
+
+def wide_lines(slug: str) -> Iterator[str]:
+    """Yield CSV with a line a response to any version of a questionnaire, with its scores."""
+    versions = [row.as_definition() for row in Questionnaire.objects.filter(slug=slug).order_by("version")]
+    keys = list(dict.fromkeys(question.key for definition in versions for question in definition.questions()))
+    named = list(dict.fromkeys(name for definition in versions for name in scores(definition, {})))
+    yield line([*ABOUT, *(column for key in keys for column in (key, f"{key}_missing")), *named])
+    for response, definition, rows in answered(Response.objects.filter(questionnaire__slug=slug)):
+        given = response.standings(definition, {row.item: row.given for row in rows})
+        cells = [cell for key in keys for cell in _pair(given.get(key))]
+        found = scores(definition, {key: said.value for key, said in given.items()})
+        yield line([*_about(response), *cells, *(found.get(name) for name in named)])
+
+
+def _pair(said: Given | None) -> tuple[Any, Any]:
+    """A question that a version does not have leaves both cells empty."""
+    return ("", "") if said is None else (_cell(said.value), said.missing or "")
+
+
+def answered(responses: QuerySet[Response]) -> Iterator[tuple[Response, Definition, Sequence[Answer]]]:
+    """Yield responses, the oldest first, with what they were asked and their rows; two queries a batch."""
+    known: dict[Any, Definition] = {}
+    ordered = responses.select_related("questionnaire").order_by("started_at", "id").iterator(chunk_size=BATCH)
+    while batch := list(islice(ordered, BATCH)):
+        rows: dict[Any, list[Answer]] = {response.pk: [] for response in batch}
+        for answer in Answer.objects.filter(response__in=list(rows)).order_by("position"):
+            rows[answer.response_id].append(answer)
+        for response in batch:
+            key = response.questionnaire_id
+            known[key] = known.get(key) or response.questionnaire.as_definition()
+            yield response, known[key], rows[response.pk]
+
+
+def _about(response: Response) -> list[Any]:
+    questionnaire = response.questionnaire
+    return [
+        response.pk, questionnaire.slug, questionnaire.version, response.respondent, response.context, response.context_label,
+        "|".join(response.robot), response.outcome, response.seed, response.language, _iso(response.started_at), _iso(response.finished_at),
+    ]  # fmt: skip
+
+
+def _iso(at: datetime.datetime | None) -> str:
+    return "" if at is None else at.isoformat()
+
+
+def _cell(value: Any) -> Any:
+    return "|".join(value) if isinstance(value, list) else "" if value is None else value
+
+
+def line(cells: Sequence[Any]) -> str:
+    """Return cells as a line of CSV; none of them is a formula."""
+    text = io.StringIO()
+    csv.writer(text).writerow([f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA) else cell for cell in cells])
+    return text.getvalue()

@@ -1,0 +1,96 @@
+"""Summaries of statements on a scale, as the paper's table of results has them. Pure: numbers in, numbers out.
+
+The unit is the respondent (Melendez-Fernandez et al., 2017, table 5; the definition is ours, because the text gives none):
+
+- the percentages pool all answers of a row;
+- mean, standard deviation (n - 1) and confidence intervals are those of the *respondents'* scores, a respondent's score being the
+  mean over the row's statements that they answered;
+- the half-width of an interval is c * SD / sqrt(n), with c of the normal distribution ("normal", which reproduces the published
+  half-width) or of Student's t with n - 1 degrees of freedom ("t", for new studies).
+"""
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from scipy.special import ndtri, stdtrit
+
+Interval = Literal["normal", "t"]
+Answers = Mapping[str, int | None]
+
+
+@dataclass(frozen=True)
+class Summary:
+    """One row.
+
+    Counts and percentages are in the order of the scale; percentages are None without answers. `positive` is the percentage above
+    `neutral`, `nonpositive` the rest. `mean` is None without respondents, `sd` and the half-widths below two of them.
+    """
+
+    respondents: int
+    answers: int
+    counts: tuple[int, ...]
+    percentages: tuple[float, ...] | None
+    mean: float | None
+    sd: float | None
+    ci95: float | None
+    ci99: float | None
+    positive: float | None
+    nonpositive: float | None
+
+
+def summarise(responses: Sequence[Answers], statements: Sequence[str], scale: Sequence[int], *, interval: Interval, neutral: float = 0.0) -> Summary:
+    """Return the row of one or several statements.
+
+    Args:
+        responses: a mapping a respondent, from statement to value of the scale; None or no entry is a missing answer.
+        statements: which of them the row pools.
+        scale: the values that there are, rising.
+        interval: of which distribution the intervals are.
+        neutral: answers above it count as positive.
+
+    Raises:
+        ValueError: when an answer is no value of the scale.
+    """
+    given = [[value for key in statements if (value := answers.get(key)) is not None] for answers in responses]
+    given = [values for values in given if values]
+    counts = Counter(value for values in given for value in values)
+    if set(counts) - set(scale):
+        raise ValueError(f"answers outside the scale: {sorted(set(counts) - set(scale))}")
+    total = counts.total()
+    scores = [math.fsum(values) / len(values) for values in given]
+    mean, sd = mean_and_sd(scores)
+    above = 100.0 * sum(n for value, n in counts.items() if value > neutral) / total if total else None
+    return Summary(
+        respondents=len(scores),
+        answers=total,
+        counts=tuple(counts[value] for value in scale),
+        percentages=tuple(100.0 * counts[value] / total for value in scale) if total else None,
+        mean=mean,
+        sd=sd,
+        ci95=half_width(sd, len(scores), 0.95, interval),
+        ci99=half_width(sd, len(scores), 0.99, interval),
+        positive=above,
+        nonpositive=None if above is None else 100.0 - above,
+    )
+
+
+def mean_and_sd(scores: Sequence[float]) -> tuple[float | None, float | None]:
+    """Return mean and standard deviation (n - 1) of scores; None where there are too few."""
+    if not scores:
+        return None, None
+    mean = math.fsum(scores) / len(scores)
+    if len(scores) == 1:
+        return mean, None
+    return mean, math.sqrt(math.fsum((score - mean) ** 2 for score in scores) / (len(scores) - 1))
+
+
+def half_width(sd: float | None, n: int, level: float, interval: Interval) -> float | None:
+    """Return the half-width of the confidence interval of a mean; None when `sd` is."""
+    if sd is None:
+        return None
+    tail = 0.5 + level / 2.0
+    quantile = float(ndtri(tail) if interval == "normal" else stdtrit(n - 1, tail))
+    return quantile * sd / math.sqrt(n)

@@ -1,0 +1,85 @@
+"""Questionnaires in the database: taken from files, replaced while nobody uses them, frozen by their first respondent."""
+
+import datetime
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from django.db import IntegrityError, transaction
+
+from surveys.definition import Definition, digest, language_for, spoken
+from surveys.models import Questionnaire
+from surveys.problems import BadDefinitionError, parse, problems
+
+SHIPPED = Path(__file__).resolve().parent / "definitions"
+
+
+def shipped() -> dict[str, Definition]:
+    """Return the questionnaires that come with the site, by name; templates among them."""
+    definitions = [parse(path.read_bytes()) for path in sorted(SHIPPED.glob("*.json"))]
+    return {definition.slug: definition for definition in definitions}
+
+
+def store(definition: Definition, now: datetime.datetime) -> Questionnaire:
+    """Put a questionnaire into the database, or return the row that holds the same already.
+
+    Raises:
+        BadDefinitionError: when it is wrong, or its version is in use with other content.
+    """
+    found = list(problems(definition))
+    if found:
+        raise BadDefinitionError(found)
+    fields = _fields(definition)
+    try:
+        with transaction.atomic():
+            return Questionnaire.objects.create(slug=definition.slug, version=definition.version, created_at=now, **fields)
+    except IntegrityError:
+        return _replace(definition, fields)
+
+
+def _replace(definition: Definition, fields: dict[str, Any]) -> Questionnaire:
+    rows = Questionnaire.objects.filter(slug=definition.slug, version=definition.version)
+    rows.filter(frozen_at=None).exclude(sha256=fields["sha256"]).update(**fields)
+    row = rows.get()
+    if row.sha256 != fields["sha256"]:
+        raise BadDefinitionError([f"Version {definition.version} of {definition.slug} is in use and cannot change: give yours another version."])
+    return row
+
+
+def _fields(definition: Definition) -> dict[str, Any]:
+    title = spoken(definition.title, language_for(definition, "en"))[:200]
+    return {"title": title, "definition": msgspec.to_builtins(definition), "sha256": digest(definition)}
+
+
+def current(slug: str, now: datetime.datetime) -> Questionnaire:
+    """Return the newest version of a questionnaire; one that comes with the site is put into the database if it is not there yet.
+
+    Raises:
+        Questionnaire.DoesNotExist: when nobody knows it.
+    """
+    row = Questionnaire.objects.filter(slug=slug).order_by("-version").first()
+    if row is not None:
+        return row
+    definition = shipped().get(slug)
+    if definition is None:
+        raise Questionnaire.DoesNotExist(f"no questionnaire {slug}")
+    return store(definition, now)
+
+
+def freeze(questionnaire: Questionnaire, now: datetime.datetime) -> Questionnaire:
+    """Return the row as it will stay from now on.
+
+    Raises:
+        BadDefinitionError: when it is a template, whose text is not filled in.
+    """
+    if questionnaire.frozen_at is None:
+        if questionnaire.as_definition().template:
+            raise BadDefinitionError([f"{questionnaire.slug} is a template: fill in its text and set template to false before it is used."])
+        Questionnaire.objects.filter(pk=questionnaire.pk, frozen_at=None).update(frozen_at=now)
+    return Questionnaire.objects.get(pk=questionnaire.pk)
+
+
+def next_version(questionnaire: Questionnaire, now: datetime.datetime) -> Questionnaire:
+    """Return a copy that can be changed, numbered after the newest version."""
+    newest = Questionnaire.objects.filter(slug=questionnaire.slug).order_by("-version").values_list("version", flat=True)[0]
+    return store(msgspec.structs.replace(questionnaire.as_definition(), version=newest + 1), now)

@@ -1,0 +1,255 @@
+"""Responses: begun once a respondent and context, saved question by question, left page by page, finished once.
+
+Everything here can be asked twice with the same result. Nothing rests on transactions: rows are unique, and updates say what they
+expect to find.
+"""
+
+import datetime
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from django.db import IntegrityError, transaction
+
+from surveys.answers import Given, RefusedError, check_complete, read_answer
+from surveys.conditions import shown_keys
+from surveys.definition import Definition, Question, language_for
+from surveys.layout import positions
+from surveys.models import Answer, Questionnaire, Response
+from surveys.questionnaires import freeze
+
+MAX_SECONDS = 24 * 3600.0
+
+
+class ClosedError(Exception):
+    """The response is finished: it takes no more answers."""
+
+
+class NotAskedError(Exception):
+    """Not a question that this respondent is asked now: unknown, hidden, or on a page that was not reached."""
+
+
+@dataclass(frozen=True)
+class Respondent:
+    """Who answers: a user, or an anonymous key of at most 64 characters."""
+
+    user: Any = None
+    key: str = ""
+
+    def __post_init__(self) -> None:
+        if (self.user is None) == (not self.key):
+            raise ValueError("a respondent is either a user or a key")
+
+    @property
+    def name(self) -> str:
+        """Its part of the slot."""
+        return f"user:{self.user.pk}" if self.user is not None else f"key:{self.key}"
+
+
+@dataclass(frozen=True)
+class Context:
+    """In what somebody is asked. `key` is opaque, `robot` the words by which the robot goes; `return_to` and `back_to` are paths of this site."""
+
+    key: str
+    label: str = ""
+    robot: Sequence[str] = ()
+    outcome: str = ""
+    return_to: str = ""
+    back_to: str = ""
+
+
+@dataclass(frozen=True)
+class Saving:
+    """What comes with a saved answer: its time, the language shown, seconds of attention by question, and who writes for the how-manieth time."""
+
+    now: datetime.datetime
+    language: str
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    writer: str = ""
+    writing: int = 0
+
+
+@dataclass(frozen=True)
+class PageResult:
+    """What became of a page that was sent: errors by question, and whether answers made more questions appear on it."""
+
+    errors: dict[str, str]
+    more_appeared: bool
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the respondent goes on."""
+        return not self.errors and not self.more_appeared
+
+
+def begin(questionnaire: Questionnaire, respondent: Respondent, context: Context, *, language: str, seed: int, now: datetime.datetime) -> Response:
+    """Return the response of a respondent in a context, made at the first call; a later call never changes what was recorded then.
+
+    A response that was begun with an older version of the questionnaire goes on with that version.
+
+    Raises:
+        BadDefinitionError: when the questionnaire is a template.
+    """
+    slot = hashlib.sha256(json.dumps([questionnaire.slug, respondent.name, context.key]).encode()).hexdigest()
+    found = Response.objects.filter(slot=slot).select_related("questionnaire").first()
+    if found is not None:
+        return found
+    frozen = freeze(questionnaire, now)
+    fields = {
+        "questionnaire": frozen, "user": respondent.user, "respondent_key": respondent.key, "context": context.key,
+        "context_label": context.label[:200], "robot": list(context.robot), "outcome": context.outcome, "return_to": context.return_to,
+        "back_to": context.back_to, "seed": seed, "language": language_for(frozen.as_definition(), language), "started_at": now, "seen_at": now,
+    }  # fmt: skip
+    try:
+        with transaction.atomic():
+            return Response.objects.create(slot=slot, **fields)
+    except IntegrityError:
+        return Response.objects.select_related("questionnaire").get(slot=slot)
+
+
+def save_one(response: Response, definition: Definition, key: str, fields: Mapping[str, Sequence[str]], saving: Saving) -> Given:
+    """Store what the fields say to one question, empty or not, and return it.
+
+    Raises:
+        ClosedError: when the response is finished.
+        NotAskedError: when the question is not one of those in front of the respondent.
+        RefusedError: when the question does not allow the answer.
+    """
+    _check_open(response)
+    question = definition.question(key)
+    stored = response.given()
+    if question is None or question.page > response.reached or key not in _shown(response, definition, stored):
+        raise NotAskedError(key)
+    given = read_answer(question, fields, saving.now)
+    _write(response, definition, [(question, given)], saving)
+    _note_seen(response, saving.now)
+    return given
+
+
+def save_page(
+    response: Response, definition: Definition, page: int, *, fields: Mapping[str, Sequence[str]], offered: Iterable[str], saving: Saving
+) -> PageResult:
+    """Store what a whole page says and tell what is still wrong; what is right is stored in any case.
+
+    Args:
+        response: whose page it is.
+        definition: its questionnaire.
+        page: which page, from 0.
+        fields: the page's fields.
+        offered: keys of the questions that the respondent could see.
+        saving: when and how.
+
+    Raises:
+        ClosedError: when the response is finished.
+        NotAskedError: when the page was not reached, or fields of other questions came with it.
+    """
+    _check_open(response)
+    here = {question.key: question for question in definition.questions() if question.page == page}
+    offered = set(offered)
+    if page > response.reached or not here or offered - set(here):
+        raise NotAskedError(str(page))
+    stored = response.given()
+    visible = {key: question for key, question in here.items() if key in offered}
+    told, errors = _read_page(visible, fields, saving.now, asked=lambda told: _shown(response, definition, {**stored, **told}))
+    changed = [(here[key], given) for key, given in told.items() if stored.get(key) != given]
+    _write(response, definition, changed, saving)
+    _note_seen(response, saving.now)
+    asked = set(_shown(response, definition, {**stored, **told}))
+    appeared = (asked & set(here)) - offered
+    return PageResult(errors={key: text for key, text in errors.items() if key in asked}, more_appeared=bool(appeared))
+
+
+def _read_page(
+    visible: Mapping[str, Question], fields: Mapping[str, Sequence[str]], now: datetime.datetime, *, asked: Callable[[dict[str, Given]], list[str]]
+) -> tuple[dict[str, Given], dict[str, str]]:
+    """Return what was told and what was refused, question by question: an answer may hide those that follow it."""
+    told: dict[str, Given] = {}
+    errors: dict[str, str] = {}
+    for key, question in visible.items():
+        if key not in asked(told):
+            continue
+        try:
+            told[key] = read_answer(question, fields, now)
+            check_complete(question, told[key])
+        except RefusedError as error:
+            errors[key] = str(error)
+    return told, errors
+
+
+def leave_page(response: Response, definition: Definition, page: int) -> int | None:
+    """Note that a page was left behind and return the next one with questions; None after the last."""
+    following = next((n for n in pages_shown(response, definition) if n > page), None)
+    left_behind = len(definition.pages) if following is None else following
+    Response.objects.filter(pk=response.pk, finished_at=None, reached__lt=left_behind).update(reached=left_behind)
+    response.refresh_from_db(fields=["reached"])
+    return following
+
+
+def finish(response: Response, definition: Definition, now: datetime.datetime) -> int | None:
+    """Close a response. Returns None when it is closed, or the first page on which a required answer is missing."""
+    stored = response.given()
+    asked = set(_shown(response, definition, stored))
+    for question in definition.questions():
+        given = stored.get(question.key)
+        if question.key in asked and question.item.required and (given is None or given.is_left_empty):
+            return question.page
+    Response.objects.filter(pk=response.pk, finished_at=None).update(finished_at=now, reached=len(definition.pages))
+    response.refresh_from_db(fields=["finished_at", "reached"])
+    return None
+
+
+def place(response: Response, definition: Definition) -> int | None:
+    """Return the page at which a respondent goes on, from 0: the furthest that is open; None when nothing is left to ask."""
+    shown = pages_shown(response, definition)
+    open_now = [page for page in shown if page <= response.reached]
+    if response.reached < len(definition.pages) and open_now:
+        return open_now[-1]
+    return leave_page(response, definition, -1) if response.reached == 0 else None
+
+
+def pages_shown(response: Response, definition: Definition) -> list[int]:
+    """Return the pages on which this respondent is asked anything, from 0, rising."""
+    asked = set(_shown(response, definition, response.given()))
+    return sorted({question.page for question in definition.questions() if question.key in asked})
+
+
+def _shown(response: Response, definition: Definition, stored: Mapping[str, Given]) -> list[str]:
+    return shown_keys(definition, {key: given.value for key, given in stored.items()}, response.circumstances)
+
+
+def _note_seen(response: Response, now: datetime.datetime) -> None:
+    Response.objects.filter(pk=response.pk).update(seen_at=now)
+
+
+def _check_open(response: Response) -> None:
+    if response.finished_at is not None:
+        raise ClosedError(str(response.pk))
+
+
+def _write(response: Response, definition: Definition, told: Sequence[tuple[Question, Given]], saving: Saving) -> None:
+    places = positions(definition, response.seed) if told else {}
+    for question, given in told:
+        fields: dict[str, Any] = {
+            "value": given.value, "missing": given.missing.value if given.missing else "", "language": saving.language,
+            "text_version": question.fingerprint(saving.language), "position": places[question.key], "answered_at": saving.now,
+            "writer": saving.writer, "writing": saving.writing,
+        }  # fmt: skip
+        seconds = saving.seconds.get(question.key)
+        if seconds is not None:
+            elapsed = (saving.now - response.started_at).total_seconds()
+            fields["seconds"] = round(min(max(seconds, 0.0), elapsed, MAX_SECONDS), 2)
+        _write_row(response, question.key, fields, saving)
+
+
+def _write_row(response: Response, key: str, fields: dict[str, Any], saving: Saving) -> None:
+    rows = Answer.objects.filter(response=response, item=key)
+    newer = rows.exclude(writer=saving.writer, writing__gte=saving.writing) if saving.writer else rows
+    if newer.update(**fields) or rows.exists():
+        return
+    try:
+        with transaction.atomic():
+            Answer.objects.create(response=response, item=key, first_at=saving.now, **fields)
+    except IntegrityError:
+        newer.update(**fields)

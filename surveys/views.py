@@ -1,0 +1,188 @@
+"""The pages on which people answer: one page of a questionnaire at a time, and single answers while they are given.
+
+Both ways take the same fields. Without JavaScript only the whole page is sent; with it, the page at the end repeats what was saved.
+"""
+
+import datetime
+from collections.abc import Callable
+from functools import wraps
+from typing import Any
+from uuid import UUID
+
+import msgspec
+from django.contrib.auth.views import redirect_to_login
+from django.http import HttpRequest, HttpResponse, HttpResponseBase, HttpResponseRedirect, JsonResponse
+from django.shortcuts import redirect, render
+from django.utils import timezone
+from django.utils.translation import get_language
+from django.utils.translation import gettext as _
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_http_methods, require_POST, require_safe
+
+from accounts.attempts import Attempts
+from accounts.rate_limits import limited
+from surveys import responses
+from surveys.access import own_response, respondent_of
+from surveys.answers import RefusedError
+from surveys.definition import Definition, language_for, spoken
+from surveys.models import Response
+from surveys.responses import ClosedError, NotAskedError, Saving
+from surveys.sheet import Reader, sheet_of
+
+REFUSED, SIGNED_OUT, CLOSED, WRONG = 400, 403, 409, 422
+MAX_WRITER = 32
+ANSWERS = Attempts("survey-answer", limit=240)
+
+
+def for_respondents(view: Callable[..., HttpResponseBase]) -> Callable[..., HttpResponseBase]:
+    """Let strangers sign in first; whether the response that they ask for is there, they do not learn."""
+
+    @wraps(view)
+    def guarded(request: HttpRequest, *args: Any, **kwargs: Any) -> HttpResponseBase:
+        if respondent_of(request) is None:
+            return redirect_to_login(request.get_full_path())
+        return view(request, *args, **kwargs)
+
+    return guarded
+
+
+@never_cache
+@for_respondents
+@require_safe
+def resume(request: HttpRequest, response: UUID) -> HttpResponseBase:
+    """Lead a respondent to where they left off, or on, when they are done."""
+    row = own_response(request, response)
+    return _go_on(row, row.questionnaire.as_definition(), timezone.now())
+
+
+@never_cache
+@for_respondents
+@require_http_methods(["GET", "HEAD", "POST"])
+def page(request: HttpRequest, response: UUID, number: int) -> HttpResponseBase:
+    """Show a page, or take it; `number` counts from 1."""
+    row = own_response(request, response)
+    definition, now = row.questionnaire.as_definition(), timezone.now()
+    if row.finished_at is not None:
+        return _away(row)
+    shown = responses.pages_shown(row, definition)
+    if number - 1 not in shown or number - 1 > row.reached:
+        return _go_on(row, definition, now)
+    return _take(request, row, definition, number - 1) if request.method == "POST" else _show(request, row, definition, number - 1)
+
+
+def _take(request: HttpRequest, row: Response, definition: Definition, number: int) -> HttpResponseBase:
+    saving = _saving(request, definition)
+    try:
+        result = responses.save_page(row, definition, number, fields=_fields(request), offered=request.POST.getlist("shown"), saving=saving)
+    except ClosedError:
+        return _away(row)
+    except NotAskedError:
+        return render(request, "surveys/refused.html", {"response": row}, status=REFUSED)
+    if request.POST.get("go") == "back":
+        return _back(row, definition, number)
+    if not result.is_done:
+        return _show(request, row, definition, number, result=result)
+    following = responses.leave_page(row, definition, number)
+    return redirect("survey_page", row.pk, following + 1) if following is not None else _finish(row, definition, saving.now)
+
+
+def _show(request: HttpRequest, row: Response, definition: Definition, number: int, result: responses.PageResult | None = None) -> HttpResponse:
+    shown = responses.pages_shown(row, definition)
+    reader = Reader(
+        language=_language(definition),
+        seed=row.seed,
+        stored=row.given(),
+        circumstances=row.circumstances,
+        now=timezone.now(),
+        errors=result.errors if result else {},
+        sent=_fields(request) if result else {},
+    )
+    earlier = [n for n in shown if n < number]
+    context: dict[str, Any] = {
+        "response": row, "sheet": sheet_of(definition, number, reader, shown), "page_number": number + 1,
+        "more_appeared": bool(result and result.more_appeared),
+        "title": spoken(definition.title, reader.language), "intro": spoken(definition.intro, reader.language) if not earlier else "",
+        "language": reader.language, "earlier": earlier[-1] + 1 if earlier else None,
+    }  # fmt: skip
+    return render(request, "surveys/page.html", context, status=WRONG if result else 200)
+
+
+@never_cache
+@require_POST
+@limited(ANSWERS, json=True)
+def answer(request: HttpRequest, response: UUID) -> JsonResponse:
+    """Save one answer while the page is filled in. Says `saved`, or in `error` why not."""
+    if respondent_of(request) is None:
+        return JsonResponse({"saved": False, "error": _("You are signed out. Sign in again to go on.")}, status=SIGNED_OUT)
+    row = own_response(request, response)
+    definition = row.questionnaire.as_definition()
+    try:
+        responses.save_one(row, definition, request.POST.get("item", ""), _fields(request), _saving(request, definition))
+    except ClosedError:
+        return JsonResponse({"saved": False, "error": _("This questionnaire is already closed.")}, status=CLOSED)
+    except NotAskedError:
+        return JsonResponse({"saved": False, "error": _("This question is not on your page.")}, status=REFUSED)
+    except RefusedError as error:
+        return JsonResponse({"saved": False, "error": str(error)}, status=WRONG)
+    return JsonResponse({"saved": True})
+
+
+@never_cache
+@for_respondents
+@require_safe
+def done(request: HttpRequest, response: UUID) -> HttpResponseBase:
+    """Thank whoever was asked outside of anything that goes on."""
+    row = own_response(request, response)
+    definition = row.questionnaire.as_definition()
+    if row.finished_at is None:
+        return redirect("survey", row.pk)
+    return render(request, "surveys/done.html", {"response": row, "title": spoken(definition.title, _language(definition))})
+
+
+def _go_on(row: Response, definition: Definition, now: datetime.datetime) -> HttpResponseRedirect:
+    if row.finished_at is not None:
+        return _away(row)
+    number = responses.place(row, definition)
+    return redirect("survey_page", row.pk, number + 1) if number is not None else _finish(row, definition, now)
+
+
+def _back(row: Response, definition: Definition, number: int) -> HttpResponseRedirect:
+    """Go to the page before; what was filled in so far is saved, and need not be complete."""
+    earlier = [n for n in responses.pages_shown(row, definition) if n < number]
+    return redirect("survey_page", row.pk, (earlier[-1] if earlier else number) + 1)
+
+
+def _finish(row: Response, definition: Definition, now: datetime.datetime) -> HttpResponseRedirect:
+    gap = responses.finish(row, definition, now)
+    return _away(row) if gap is None else redirect("survey_page", row.pk, gap + 1)
+
+
+def _away(row: Response) -> HttpResponseRedirect:
+    return HttpResponseRedirect(row.return_to) if row.return_to else redirect("survey_done", row.pk)
+
+
+def _language(definition: Definition) -> str:
+    return language_for(definition, get_language() or "")
+
+
+def _fields(request: HttpRequest) -> dict[str, list[str]]:
+    return {name: [str(value) for value in values] for name, values in request.POST.lists()}
+
+
+def _saving(request: HttpRequest, definition: Definition) -> Saving:
+    """Return what the page says about this saving; what is malformed there is left out, because no answer depends on it."""
+    writing = request.POST.get("writing", "")
+    return Saving(
+        now=timezone.now(),
+        language=_language(definition),
+        seconds=_seconds(request.POST.get("seconds", "")),
+        writer=request.POST.get("writer", "")[:MAX_WRITER],
+        writing=int(writing) if writing.isascii() and writing.isdigit() and len(writing) <= MAX_WRITER // 2 else 0,
+    )
+
+
+def _seconds(text: str) -> dict[str, float]:
+    try:
+        return msgspec.json.decode(text, type=dict[str, float]) if text else {}
+    except msgspec.DecodeError:
+        return {}

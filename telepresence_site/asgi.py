@@ -1,0 +1,32 @@
+"""ASGI entry point: HTTP to Django, WebSockets to the consumers."""
+
+import os
+
+from channels.auth import AuthMiddlewareStack
+from channels.routing import ProtocolTypeRouter, URLRouter
+from channels.security.websocket import AllowedHostsOriginValidator
+from django.conf import settings
+from django.core.asgi import get_asgi_application
+from whitenoise.middleware import WhiteNoiseMiddleware
+
+os.environ.setdefault("DJANGO_SETTINGS_MODULE", "telepresence_site.settings")
+http = get_asgi_application()
+
+from sessions.backpressure import Backpressure  # noqa: E402
+from sessions.urls import websocket_urlpatterns  # noqa: E402 -- consumers import models, which need the set-up above
+from telepresence_site.asgi_limits import BodyLimit, ConnectLimit, SameOrigin  # noqa: E402
+from telepresence_site.request_log import RequestLog  # noqa: E402
+from telepresence_site.static_answers import StaticAnswers  # noqa: E402
+
+# Refuses a foreign Origin, and a missing one.
+known = SameOrigin(AuthMiddlewareStack(URLRouter(websocket_urlpatterns)), settings.CSRF_TRUSTED_ORIGINS)
+sockets = ConnectLimit(AllowedHostsOriginValidator(known), settings.TRUSTED_PROXIES)
+
+kept = WhiteNoiseMiddleware(lambda _: None).files
+
+application = ProtocolTypeRouter(
+    {
+        "http": RequestLog(BodyLimit(StaticAnswers(http, kept, secure_only=settings.SECURE_SSL_REDIRECT))),
+        "websocket": Backpressure(RequestLog(sockets)),
+    }
+)

@@ -1,0 +1,125 @@
+"""What never reaches Django: bodies that are larger than any form, WebSockets of pages that are not ours, and too many at once."""
+
+import collections
+import logging
+import time
+from collections.abc import Awaitable, Callable
+from typing import Any
+from urllib.parse import urlsplit
+
+from sessions.devices import visitor_address
+from sessions.rates import Bucket
+
+log = logging.getLogger(__name__)
+
+Application = Callable[[dict[str, Any], Any, Any], Awaitable[None]]
+
+# The largest form is a floor plan: its image, YAML and plan (robots/floorplans.py), and what multipart adds.
+MAX_BODY = 10 * 1024 * 1024
+TOO_LARGE = 413
+CONNECTS_A_SECOND, CONNECTS_AT_ONCE, ADDRESSES = 5.0, 200.0, 4096  # a class behind one address reloads its pages together
+DEFAULT_PORTS = {"http": 80, "https": 443, "ws": 80, "wss": 443}
+
+
+class BodyLimit:
+    """ASGI middleware for HTTP: a body that says it is too large, or turns out to be, is answered with 413 and read no further."""
+
+    def __init__(self, application: Application, limit: int = MAX_BODY) -> None:
+        self._application, self._limit = application, limit
+
+    async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
+        """Let the application read at most `limit` bytes."""
+        if scope["type"] != "http":
+            await self._application(scope, receive, send)
+        elif _declared(scope) > self._limit:
+            await _refuse(send)
+        else:
+            await self._application(scope, _Counted(receive, send, self._limit), send)
+
+
+class _Counted:
+    """`receive` that counts; past the limit it refuses, and the client is gone as far as the application knows."""
+
+    def __init__(self, receive: Any, send: Any, limit: int) -> None:
+        self._receive, self._send, self._left, self._refused = receive, send, limit, False
+
+    async def __call__(self) -> dict[str, Any]:
+        if self._refused:
+            return {"type": "http.disconnect"}
+        message: dict[str, Any] = await self._receive()
+        self._left -= len(message.get("body", b""))
+        if self._left >= 0:
+            return message
+        self._refused = True
+        await _refuse(self._send)
+        return {"type": "http.disconnect"}
+
+
+def _declared(scope: dict[str, Any]) -> int:
+    length = _header(scope, b"content-length")
+    return int(length) if length.isascii() and length.isdigit() else 0
+
+
+async def _refuse(send: Any) -> None:
+    headers = [(b"content-type", b"text/plain; charset=utf-8"), (b"connection", b"close")]
+    await send({"type": "http.response.start", "status": TOO_LARGE, "headers": headers})
+    await send({"type": "http.response.body", "body": b"This is larger than anything that is sent here.\n"})
+
+
+class SameOrigin:
+    """ASGI middleware for WebSockets: the page that opens one comes from this very host and port, or from a trusted origin.
+
+    Stricter than the host alone: a browser sends our cookies also to whatever else listens on another port of the same host.
+    """
+
+    def __init__(self, application: Application, trusted: list[str]) -> None:
+        self._application, self._trusted = application, {origin.lower().rstrip("/") for origin in trusted}
+
+    async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
+        """Go on, or close before anything is said."""
+        origin, host = _header(scope, b"origin").lower().rstrip("/"), _header(scope, b"host").lower()
+        if is_same(origin, host) or origin in self._trusted:
+            await self._application(scope, receive, send)
+        else:
+            await send({"type": "websocket.close", "code": 1000})
+
+
+class ConnectLimit:
+    """ASGI middleware for WebSockets: an address opens so many at once, and so many a second; the page tries again by itself, later.
+
+    Counted in this process alone, because to ask a shared cache would keep everybody else's commands waiting.
+    """
+
+    def __init__(self, application: Application, trusted_proxies: list[str], now: Callable[[], float] = time.monotonic) -> None:
+        self._application, self._proxies, self._now = application, trusted_proxies, now
+        self._buckets: collections.OrderedDict[str, Bucket] = collections.OrderedDict()
+
+    async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
+        """Go on, or close before anything is said."""
+        address = visitor_address(_header(scope, b"x-forwarded-for"), (scope.get("client") or ("",))[0], self._proxies)
+        if self._bucket(address).spend(self._now()):
+            await self._application(scope, receive, send)
+        else:
+            log.warning("sockets_refused reason=rate")
+            await send({"type": "websocket.close", "code": 1013})
+
+    def _bucket(self, address: str) -> Bucket:
+        bucket = self._buckets.setdefault(address, Bucket(CONNECTS_A_SECOND, CONNECTS_AT_ONCE))
+        self._buckets.move_to_end(address)
+        if len(self._buckets) > ADDRESSES:
+            self._buckets.popitem(last=False)
+        return bucket
+
+
+def is_same(origin: str, host: str) -> bool:
+    """Tell whether an Origin header is of the host that was asked; a port that is not written is the scheme's own."""
+    try:
+        page, asked = urlsplit(origin), urlsplit(f"//{host}")
+        default = DEFAULT_PORTS.get(page.scheme)
+        return bool(page.hostname) and page.hostname == asked.hostname and (page.port or default) == (asked.port or default)
+    except ValueError:  # a port that is none
+        return False
+
+
+def _header(scope: dict[str, Any], name: bytes) -> str:
+    return next((value.decode("latin-1") for key, value in scope.get("headers", ()) if key.lower() == name), "")

@@ -1,0 +1,145 @@
+"""One file with everything: a gzipped tar whose last member, `manifest.json`, has the size and SHA-256 of every other.
+
+The manifest stands last because it is known last: what was cut off has none. Nothing is trusted that it does not name, and nothing is
+put into place before all of it has been read and found to be what it was.
+"""
+
+import hashlib
+import io
+import json
+import os
+import tarfile
+import zlib
+from collections.abc import Iterable, Iterator
+from pathlib import Path, PurePosixPath
+from typing import Any, BinaryIO
+
+MANIFEST = "manifest.json"
+FORMAT = 1
+MAX_MANIFEST = 64 * 1024 * 1024
+CHUNK = 1024 * 1024
+
+
+class BackupError(Exception):
+    """A backup cannot be made, or not be restored; the message is one sentence."""
+
+
+class _Hashing(io.RawIOBase):
+    """A file that is hashed while it is read."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file, self.digest = file, hashlib.sha256()
+
+    def readable(self) -> bool:
+        return True
+
+    def read(self, size: int = -1) -> bytes:
+        data = self._file.read(size)
+        self.digest.update(data)
+        return data
+
+
+def write(target: Path, members: Iterable[tuple[str, Path]], facts: dict[str, Any]) -> dict[str, Any]:
+    """Write an archive and return its manifest.
+
+    Args:
+        target: where; what is there already is never overwritten. Only its owner can read it.
+        members: (name in the archive, file).
+        facts: what else the manifest says.
+
+    Raises:
+        BackupError: something is there already, or cannot be read or written.
+    """
+    draft = target.with_name(target.name + ".partial")
+    if target.exists():
+        raise BackupError(f"{target} is there already; a backup never overwrites anything.")
+    try:
+        descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        try:
+            with os.fdopen(descriptor, "wb") as file:
+                manifest = _write(file, members, facts)
+                file.flush()
+                os.fsync(file.fileno())
+            os.link(draft, target)  # unlike a rename it fails when somebody else was quicker
+        finally:
+            draft.unlink(missing_ok=True)
+    except (OSError, tarfile.TarError) as error:
+        raise BackupError(f"{target} could not be written: {error}.") from error
+    return manifest
+
+
+def _write(file: BinaryIO, members: Iterable[tuple[str, Path]], facts: dict[str, Any]) -> dict[str, Any]:
+    files: dict[str, dict[str, Any]] = {}
+    with tarfile.open(fileobj=file, mode="w|gz") as archive:
+        for name, path in members:
+            with path.open("rb") as source:
+                info = tarfile.TarInfo(name)
+                info.size, info.mode = os.fstat(source.fileno()).st_size, 0o600
+                hashing = _Hashing(source)
+                archive.addfile(info, hashing)  # type: ignore[arg-type] -- reads, as it must
+            files[name] = {"size": info.size, "sha256": hashing.digest.hexdigest()}
+        manifest = {"format": FORMAT, **facts, "files": files}
+        content = json.dumps(manifest, indent=1).encode()
+        info = tarfile.TarInfo(MANIFEST)
+        info.size, info.mode = len(content), 0o600
+        archive.addfile(info, io.BytesIO(content))
+    return manifest
+
+
+def unpack(source: Path, directory: Path) -> dict[str, Any]:
+    """Unpack an archive into an empty directory, check every file, and return the manifest.
+
+    Raises:
+        BackupError: it cannot be read, or is not what was written.
+    """
+    found: dict[str, dict[str, Any]] = {}
+    manifest: dict[str, Any] | None = None
+    try:
+        with tarfile.open(source, mode="r|gz") as archive:
+            for info, content in _regular(archive):
+                if manifest is not None:
+                    raise BackupError(f"{source} goes on after its manifest.")
+                if info.name == MANIFEST:
+                    manifest = json.loads(content.read(MAX_MANIFEST))
+                else:
+                    found[info.name] = _unpack_one(content, directory / _safe(info.name))
+    except (OSError, EOFError, zlib.error, tarfile.TarError, ValueError) as error:
+        raise BackupError(f"{source} cannot be read: {error}.") from error
+    return _checked(source, manifest, found)
+
+
+def _regular(archive: tarfile.TarFile) -> Iterator[tuple[tarfile.TarInfo, BinaryIO]]:
+    for info in archive:
+        content = archive.extractfile(info) if info.isreg() else None
+        if content is None:
+            raise BackupError(f"The backup holds {info.name!r}, which is no file.")
+        yield info, content  # type: ignore[misc] -- IO[bytes]
+
+
+def _safe(name: str) -> PurePosixPath:
+    path = PurePosixPath(name)
+    if path.is_absolute() or ".." in path.parts or "\\" in name or ":" in name or "\0" in name:
+        raise BackupError(f"The backup holds {name!r}, which leads out of its place.")
+    return path
+
+
+def _unpack_one(content: BinaryIO, path: Path) -> dict[str, Any]:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    digest, size = hashlib.sha256(), 0
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(descriptor, "wb") as file:
+        while data := content.read(CHUNK):
+            digest.update(data)
+            size += file.write(data)
+    return {"size": size, "sha256": digest.hexdigest()}
+
+
+def _checked(source: Path, manifest: dict[str, Any] | None, found: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    if manifest is None:
+        raise BackupError(f"{source} has no manifest: it was cut off, or is no backup of ours.")
+    if manifest.get("format") != FORMAT:
+        raise BackupError(f"{source} has format {manifest.get('format')!r}; this code reads {FORMAT}.")
+    wrong = sorted(name for name in manifest["files"].keys() | found.keys() if manifest["files"].get(name) != found.get(name))
+    if wrong:
+        raise BackupError(f"{source} is damaged: {', '.join(wrong[:5])} {'is' if len(wrong) == 1 else 'are'} not what was written.")
+    return manifest

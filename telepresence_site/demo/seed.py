@@ -1,0 +1,54 @@
+"""The demo's people, place and robots. Everything is made once and kept: a second start finds it again."""
+
+from pathlib import Path
+
+from django.conf import settings
+
+from accounts.models import User
+from robots.floorplans import store_floor_plan
+from robots.models import FloorPlan, Robot
+from telepresence_site.environment import kept_secret
+from telepresence_site.local_credentials import keep_credentials_here
+
+OFFICE = Path(settings.BASE_DIR) / "robots" / "agent" / "world" / "plans" / "office"
+VISITOR, RESEARCHER = "visitor", "researcher"
+ROBOTS = (
+    ("giraff", "Giraff", "A slender robot with a tilting head, at home in rooms and corridors.", Robot.Access.OPEN),
+    ("rhodon", "Rhodon", "A sturdy PatrolBot with an arm, for drivers who know the way.", Robot.Access.OPEN),
+)
+
+
+def seed(mqtt_url: str) -> str:
+    """Make what is missing and return the researcher's password."""
+    plan = _office()
+    password = kept_secret(settings.VAR_DIR / "secrets" / "demo_researcher", 9)
+    _visitor()
+    owner = _researcher(password)
+    for name, title, description, access in ROBOTS:
+        robot, _ = Robot.objects.get_or_create(
+            name=name, defaults={"title": title, "description": description, "access": access, "owner": owner, "floor_plan": plan}
+        )
+        keep_credentials_here(robot, mqtt_url)
+    return password
+
+
+def _office() -> FloorPlan:
+    return store_floor_plan(OFFICE)
+
+
+def _visitor() -> User:
+    visitor, made = User.objects.get_or_create(username=VISITOR, defaults={"display_name": "Demo visitor"})
+    if made:
+        visitor.set_unusable_password()  # the one-click link is the only way in
+        visitor.save(update_fields=["password"])
+    return visitor
+
+
+def _researcher(password: str) -> User:
+    researcher, made = User.objects.get_or_create(
+        username=RESEARCHER, defaults={"display_name": "Researcher", "is_staff": True, "is_superuser": True}
+    )
+    if made or not researcher.check_password(password):
+        researcher.set_password(password)
+        researcher.save(update_fields=["password"])
+    return researcher

@@ -1,0 +1,38 @@
+"""What the environment of the process says, read once; docs/reference/settings.md lists every name."""
+
+import os
+import secrets
+from pathlib import Path
+
+
+def text(name: str, default: str = "") -> str:
+    """Return an environment variable, or the default when it is unset or empty."""
+    return os.environ.get(name) or default
+
+
+def flag(name: str, *, default: bool = False) -> bool:
+    """Return whether an environment variable says yes (1, true, yes, on)."""
+    value = os.environ.get(name)
+    return default if not value else value.strip().lower() in {"1", "true", "yes", "on"}
+
+
+def words(name: str, default: str = "") -> list[str]:
+    """Return the comma-separated words of an environment variable."""
+    return [word.strip() for word in text(name, default).split(",") if word.strip()]
+
+
+def kept_secret(path: Path, nbytes: int = 48) -> str:
+    """Return the secret kept in a file, made on the first call and readable by its owner alone."""
+    try:
+        return path.read_text().strip()
+    except FileNotFoundError:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        secret = secrets.token_urlsafe(nbytes)
+        try:
+            # O_EXCL: of two processes that start together one makes the secret and the other reads it.
+            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        except FileExistsError:
+            return path.read_text().strip() or kept_secret(path, nbytes)
+        with os.fdopen(descriptor, "w") as file:
+            file.write(secret)
+        return secret

@@ -1,0 +1,29 @@
+"""`manage.py forget`: what has been kept long enough goes. To be run daily; `--dry-run` only counts."""
+
+from argparse import ArgumentParser
+from typing import Any
+
+from django.core.management import call_command
+from django.core.management.base import BaseCommand
+from django.utils import timezone
+
+from sessions import system_log
+from telepresence_site.retention import forget_all
+
+
+class Command(BaseCommand):
+    """Keep to settings.RETENTION_DAYS, and say what was done."""
+
+    help = "Delete what has been kept as long as the RETENTION_ settings say; to be run daily."
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        parser.add_argument("--dry-run", action="store_true", help="count, and delete nothing")
+
+    def handle(self, *_args: Any, **options: Any) -> None:
+        dry_run = options["dry_run"]
+        for kind, count in forget_all(timezone.now(), dry_run=dry_run):
+            self.stdout.write(f"{kind}: {count}{' would be forgotten' if dry_run else ' forgotten'}")
+            if count and not dry_run:
+                system_log.log("forgotten", kind=kind, count=count)
+        if not dry_run:
+            call_command("clearsessions")

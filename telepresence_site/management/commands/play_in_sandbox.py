@@ -1,0 +1,23 @@
+"""`manage.py play_in_sandbox`: the process that run_bots and rehearse_study start in a sandbox; of no use by hand."""
+
+from typing import Any
+
+from django.core.management.base import BaseCommand, CommandError
+
+from telepresence_site.demo.children import StartFailed
+from telepresence_site.rehearsing.play import PlayFailed, carry_out
+
+
+class Command(BaseCommand):
+    """Carry out the orders of a sandbox."""
+
+    help = "Started by run_bots --speed and rehearse_study in a folder of their own."
+    requires_system_checks: list[str] = []
+
+    def handle(self, *_args: Any, **_options: Any) -> None:
+        try:
+            carry_out(lambda line: print(line, flush=True))
+        except (PlayFailed, StartFailed) as error:
+            raise CommandError(str(error)) from error
+        except KeyboardInterrupt:
+            raise CommandError("It was ended.") from None

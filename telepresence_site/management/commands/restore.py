@@ -1,0 +1,31 @@
+"""`manage.py restore FILE`: an empty site from a backup."""
+
+from argparse import ArgumentParser
+from pathlib import Path
+from typing import Any
+
+from django.core.management.base import BaseCommand, CommandError
+
+from telepresence_site.backing_up.archive import BackupError
+from telepresence_site.backing_up.whole import restore
+
+
+class Command(BaseCommand):
+    """Checks all of it before it changes anything, and never overwrites."""
+
+    help = "Fill an empty database and an empty VAR_DIR from what `backup` wrote."
+    requires_system_checks: list[str] = []
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        parser.add_argument("file", type=Path)
+        parser.add_argument("--check", action="store_true", help="only read it to its end and compare every checksum")
+
+    def handle(self, *_args: Any, **options: Any) -> None:
+        try:
+            manifest, words = restore(options["file"], check_only=options["check"])
+        except BackupError as error:
+            raise CommandError(str(error)) from error
+        done = "is sound" if options["check"] else "is restored"
+        self.stdout.write(f"The backup of {manifest['made_at']} with {len(manifest['files'])} files {done}.")
+        for sentence in words:
+            self.stdout.write(sentence)

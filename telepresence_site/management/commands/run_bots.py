@@ -1,0 +1,94 @@
+"""`manage.py run_bots STUDY`: scripted participants take part, at real time on this site or many times faster in a sandbox."""
+
+import asyncio
+import json
+from argparse import ArgumentParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from django.conf import settings
+from django.core.management.base import BaseCommand, CommandError
+
+from experiments.bots.endings import Ending, draw, in_turn
+from experiments.bots.persona import EffectError, effect
+from experiments.models import Study
+from experiments.named_study import study_named
+from telepresence_site.rehearsing.play import Orders, PlayFailed, crowd_of, play
+from telepresence_site.rehearsing.room import sandbox_folder
+
+FASTEST = 50.0
+
+
+class Command(BaseCommand):
+    """Let bots take part in a study."""
+
+    help = "Let bots take part in a study: with --url on a running site, with --speed in a sandbox that lives faster than real time."
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        parser.add_argument("study", help="name of the study, or name:version")
+        parser.add_argument("--participants", type=int, default=2, metavar="N", help="how many bots (default 2)")
+        parser.add_argument("--seed", type=int, default=1, metavar="S", help="of everything that the bots decide")
+        parser.add_argument("--speed", type=float, metavar="X", help="in a sandbox, up to so many times faster than real time")
+        parser.add_argument("--url", default="http://127.0.0.1:8000", help="the site on which they take part, which has this database")
+        parser.add_argument("--at-once", type=int, default=2, metavar="K", help="how many take part at a time (default 2)")
+        parser.add_argument("--endings", default="usual", help="usual, every, or names divided by commas: " + ", ".join(Ending))
+        parser.add_argument("--visits", type=int, default=1, metavar="V", help="how often each of them takes part (default once)")
+        parser.add_argument(
+            "--effect", action="append", default=[], metavar="E", help="question@circumstance=value:size, such as easy@assist=steer:0.8"
+        )
+        parser.add_argument("--report", type=Path, help="a file for the bots' diaries, as JSON")
+
+    def handle(self, *_args: Any, **options: Any) -> None:
+        study, orders = study_named(options["study"]), _orders(options)
+        diaries = self._beside(study, orders, options["url"]) if options["speed"] is None else self._in_sandbox(study, orders)
+        if options["report"] is not None:
+            options["report"].write_text(json.dumps(diaries, indent=1), encoding="utf-8")
+        stuck = sum(1 for diary in diaries if diary["stuck"])
+        self.stdout.write(f"{len(diaries)} bots, {stuck} of them stuck.")
+        if stuck:
+            raise CommandError("The study led some bots nowhere; see above.")
+
+    def _beside(self, study: Study, orders: Orders, url: str) -> list[dict[str, Any]]:
+        if study.status == Study.Status.CLOSED:
+            raise CommandError("The study is closed: it takes nobody new.")
+        diaries = asyncio.run(crowd_of(study, orders, url, self.stdout.write).run())
+        return [diary.as_data() for diary in diaries]
+
+    def _in_sandbox(self, study: Study, orders: Orders) -> list[dict[str, Any]]:
+        with sandbox_folder(study.slug) as folder:
+            try:
+                played = play(study, orders, folder, self.stdout.write)
+            except (PlayFailed, KeyboardInterrupt) as error:
+                raise CommandError(str(error) or "It was ended.") from error
+        times = played.seconds / max(played.real_seconds, 1e-6)
+        for sentence in played.report.problems:
+            self.stdout.write(f"  {sentence}")
+        self.stdout.write(f"{played.seconds / 60.0:.1f} minutes passed in {played.real_seconds / 60.0:.1f}: {times:.1f} times real time.")
+        return played.diaries
+
+
+def _orders(options: dict[str, Any]) -> Orders:
+    speed = options["speed"] or 1.0
+    if not 1.0 <= speed <= FASTEST or options["participants"] < 1 or min(options["at_once"], options["visits"]) < 1:
+        raise CommandError(f"--speed takes 1 to {FASTEST:g}; --participants, --at-once and --visits at least 1.")
+    try:
+        for text in options["effect"]:
+            effect(text)
+    except EffectError as error:
+        raise CommandError(str(error)) from error
+    endings = [str(ending) for ending in _endings(options["endings"], options["participants"], options["seed"])]
+    return Orders(
+        endings, options["seed"], speed, options["at_once"], options["effect"], visits=options["visits"], sites=str(settings.VAR_DIR / "sites")
+    )
+
+
+def _endings(text: str, count: int, seed: int) -> list[Ending]:
+    if text == "usual":
+        return draw(count, np.random.default_rng(seed))
+    if text == "every":
+        return in_turn(count)
+    try:
+        return in_turn(count, [Ending(name.strip()) for name in text.split(",")])
+    except ValueError as error:
+        raise CommandError(f"{error}; there are: {', '.join(Ending)}.") from error

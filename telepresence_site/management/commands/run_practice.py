@@ -1,0 +1,26 @@
+"""manage.py run_practice: simulated robots for visitors who wait."""
+
+import signal
+import threading
+from typing import Any
+
+from django.conf import settings
+from django.core.management.base import BaseCommand, CommandError
+
+from telepresence_site.practice.robots import prepare
+from telepresence_site.practice.supervisor import Supervisor
+
+
+class Command(BaseCommand):
+    """Run up to PRACTICE_ROBOTS simulated robots, each only when somebody may want it, until Ctrl-C."""
+
+    help = "Run simulated robots in which visitors practise while they wait for a real one (PRACTICE_ROBOTS says how many at once)."
+
+    def handle(self, *_args: Any, **_options: Any) -> None:
+        if settings.PRACTICE_ROBOTS < 1:
+            raise CommandError("PRACTICE_ROBOTS is 0: say how many visitors may practise at once.")
+        names = prepare(settings.PRACTICE_ROBOTS, settings.MQTT_URL)
+        stopping = threading.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: stopping.set())
+        Supervisor(names, settings.VAR_DIR / "log").run(stopping)

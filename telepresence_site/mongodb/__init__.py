@@ -1,0 +1,34 @@
+"""What differs when DATABASE_URL names a MongoDB: keys are ObjectIds, where ours are not UUIDs, and apps of others have migrations of ours.
+
+Their own migrations make integer keys, which MongoDB does not count out. Ours make UUIDs and serve every database.
+docs/howto/mongodb.md says what works.
+"""
+
+from typing import Any
+from urllib.parse import urlsplit
+
+SCHEMES = ("mongodb://", "mongodb+srv://")
+KEY = "django_mongodb_backend.fields.ObjectIdAutoField"
+NAME = "telepresence"  # of the database, when the address does not say
+_APPS = {
+    "django.contrib.admin": "telepresence_site.mongodb.apps.AdminConfig",
+    "django.contrib.auth": "telepresence_site.mongodb.apps.AuthConfig",
+    "django.contrib.contenttypes": "telepresence_site.mongodb.apps.ContentTypesConfig",
+    "allauth.account": "telepresence_site.mongodb.apps.AccountConfig",
+}
+MIGRATION_MODULES = {label: f"telepresence_site.mongodb.migrations.{label}" for label in ("admin", "auth", "contenttypes", "account")}
+
+
+def is_address(url: str) -> bool:
+    """Tell whether a DATABASE_URL is a MongoDB's."""
+    return url.startswith(SCHEMES)
+
+
+def database(url: str) -> dict[str, Any]:
+    """Return Django's description of the database at an address, which pymongo reads itself."""
+    return {"ENGINE": "django_mongodb_backend", "HOST": url, "NAME": urlsplit(url).path.strip("/") or NAME}
+
+
+def apps(installed: list[str]) -> list[str]:
+    """Return INSTALLED_APPS with the configurations that MongoDB needs."""
+    return [_APPS.get(name, name) for name in installed]

@@ -1,0 +1,32 @@
+"""Apps of others, with keys that MongoDB makes."""
+
+from allauth.account.apps import AccountConfig as Account
+from django.contrib.admin.apps import AdminConfig as Admin
+from django.contrib.auth.apps import AuthConfig as Auth
+from django.contrib.contenttypes.apps import ContentTypesConfig as ContentTypes
+
+from telepresence_site.mongodb import KEY
+
+
+class AdminConfig(Admin):
+    """Django's administration."""
+
+    default_auto_field = KEY
+
+
+class AuthConfig(Auth):
+    """Groups and permissions."""
+
+    default_auto_field = KEY
+
+
+class ContentTypesConfig(ContentTypes):
+    """Kinds of rows."""
+
+    default_auto_field = KEY
+
+
+class AccountConfig(Account):
+    """E-mail addresses."""
+
+    default_auto_field = KEY

@@ -1,0 +1,1 @@
+"""Simulated robots in which visitors practise while they wait."""

@@ -1,0 +1,84 @@
+"""Runs the practice robots: looks every second at who is there, starts what is needed, ends what is not.
+
+Children die with this process. A new one finds in the database who practises, and starts their robots again.
+"""
+
+import contextlib
+import logging
+import os
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from django.conf import settings
+from django.db import DatabaseError, InterfaceError, connection
+from django.utils import timezone
+
+from telepresence_site.demo.children import Child, Children
+from telepresence_site.practice import robots
+from telepresence_site.practice.pool import Process, Start, Stop, decide
+
+log = logging.getLogger(__name__)
+LOOK_SECONDS = 1.0
+MANAGE = str(settings.BASE_DIR / "manage.py")
+
+
+def robot_command(name: str) -> list[str]:
+    """Return how one practice robot is run."""
+    return [MANAGE, "run_robot", name, "--profile", robots.PROFILE, "--viewers", "2"]
+
+
+class Supervisor:
+    """Keeps as many robots running as `decide` says.
+
+    Args:
+        names: of the practice robots.
+        log_dir: where each writes its log.
+        command: what runs a robot of this name.
+    """
+
+    def __init__(self, names: list[str], log_dir: Path, command: Callable[[str], list[str]] = robot_command) -> None:
+        self._names = names
+        self._command = command
+        self._children = Children(log_dir, dict(os.environ))
+        self._running: dict[str, tuple[Child, float]] = {}
+        self._wanted_at: float | None = None
+
+    def run(self, stopping: threading.Event) -> None:
+        """Look after the robots until `stopping` is set, then end them."""
+        try:
+            while not stopping.wait(LOOK_SECONDS):
+                try:
+                    self.look()
+                except (DatabaseError, InterfaceError) as error:
+                    log.warning("practice_looks_again reason=%s", error)
+                    connection.close()
+        finally:
+            self._children.stop()
+
+    def look(self) -> None:
+        """Do what is due."""
+        demand = robots.demand(self._wanted_at, timezone.now())
+        self._wanted_at = demand.wanted_at
+        processes = {name: Process(at, child.process.poll() is None) for name, (child, at) in self._running.items()}
+        for act in decide(self._names, demand, processes, time.time()):
+            match act:
+                case Start(name):
+                    self._start(name)
+                case Stop(name):
+                    self._stop(name)
+
+    def _start(self, name: str) -> None:
+        if name in self._running:
+            child, _ = self._running[name]
+            log.info("practice_robot_again robot=%s last_words=%s", name, child.last_words())
+            self._children.end(child)
+        log.info("practice_robot_started robot=%s", name)
+        self._running[name] = self._children.start(name, self._command(name), lambda: True), time.time()
+
+    def _stop(self, name: str) -> None:
+        log.info("practice_robot_stopped robot=%s", name)
+        child, _ = self._running[name]
+        with contextlib.suppress(ProcessLookupError):
+            self._children.end(child)

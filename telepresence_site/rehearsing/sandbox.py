@@ -1,0 +1,158 @@
+"""A whole system for bots alone, in a folder of its own: database, broker, session manager, web server, one simulated robot of each kind.
+
+Nothing in it touches the site that it was made from: a study goes in as a file, and what was found comes out as one. It is run by
+processes that may keep a quick pace (experiments/bots/pace.py), which the site's own processes must never do.
+"""
+
+import os
+import socket
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+from django.conf import settings
+from django.core import serializers
+from django.core.management import call_command
+from django.utils import timezone
+
+from accounts.models import User
+from experiments.definition import Form, Questionnaire
+from experiments.definition import Study as Definition
+from experiments.models import Study
+from robots import credentials
+from robots.agent.world.sites import shipped_sites
+from robots.floorplans import store_floor_plan
+from robots.models import FloorPlan, Robot
+from sessions.models import ManagerBeat
+from surveys.models import Questionnaire as QuestionnaireRow
+from telepresence_site.demo.children import Children, StartFailed
+from telepresence_site.demo.seed import OFFICE
+from telepresence_site.serving import APPLICATION, DAPHNE
+
+LOOPBACK = "127.0.0.1"
+STUDY_FILE = "study.json"
+START_SECONDS = 600.0  # for each part: whoever rehearses may have other work for the computer
+FPS = "6"  # of the cameras: bots take four pictures a second, and drawing them is what costs most
+LEFT_BEHIND = (
+    "DATABASE_URL",
+    "REDIS_URL",
+    "MQTT_URL",
+    "MQTT_PUBLIC_URL",
+    "TURN_URLS",
+    "TURN_SECRET",
+    "DEMO_TOKEN",
+    "ALLOWED_HOSTS",
+    "TRUSTED_PROXIES",
+)
+
+
+def pack(row: Study, folder: Path) -> None:
+    """Write a study, its questionnaires and the plans of its sites into a folder."""
+    definition = row.as_definition()
+    asked = {(step.questionnaire, step.version) for step in definition.steps if isinstance(step, Form | Questionnaire)}
+    questionnaires = [one for one in QuestionnaireRow.objects.all() if (one.slug, one.version) in asked]
+    plans = FloorPlan.objects.filter(name__in={condition.site for condition in definition.conditions})
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / STUDY_FILE).write_text(serializers.serialize("json", [*plans, *questionnaires, row]), encoding="utf-8")
+
+
+def environment(folder: Path, given: dict[str, str]) -> dict[str, str]:
+    """Return the environment of the sandbox's processes: nothing leads out of its folder."""
+    kept = {name: value for name, value in given.items() if name not in LEFT_BEHIND}
+    ours = {
+        "VAR_DIR": str(folder), "HTTP_ONLY": "1", "PLAIN_STATIC": "1", "PYTHONUNBUFFERED": "1", "SIGNUP_OPEN": "1", "EMAIL_VERIFICATION": "none",
+        "MQTT_URL": f"mqtt://{LOOPBACK}:{_free_port()}", "ALLOWED_HOSTS": LOOPBACK, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1",
+    }  # fmt: skip
+    return {**kept, **ours}
+
+
+def unpack() -> Study:
+    """Make the sandbox's database, in the process that runs it, and return the study, which is a draft in it."""
+    call_command("migrate", verbosity=0)
+    for loaded in serializers.deserialize("json", (settings.VAR_DIR / STUDY_FILE).read_text(encoding="utf-8")):
+        loaded.save()
+    Study.objects.update(status=Study.Status.DRAFT, opening_hours=[])
+    row = Study.objects.get()
+    _make_robots(row.as_definition())
+    return row
+
+
+def _make_robots(definition: Definition) -> None:
+    owner = User.objects.create(username="sandbox", is_staff=True, is_superuser=True)
+    for name, (series, site) in _robots(definition).items():
+        plan = FloorPlan.objects.filter(name=site).first() or store_floor_plan(OFFICE.parent / site)
+        robot = Robot.objects.create(name=name, title=f"{series} at {site}", access=Robot.Access.OPEN, owner=owner, floor_plan=plan)
+        kept = credentials.make_credentials(robot, timezone.now())
+        credentials.keep_credentials(kept, settings.CREDENTIALS_DIR / f"{name}.toml", mqtt_url=settings.MQTT_URL)
+
+
+def _robots(definition: Definition) -> dict[str, tuple[str, str]]:
+    pairs = list(dict.fromkeys((condition.robot, condition.site) for condition in definition.conditions))
+    series = [name for name, _site in pairs]
+    return {(name if series.count(name) == 1 else f"{name}-{site}"): (name, site) for name, site in pairs}
+
+
+@contextmanager
+def running(definition: Definition, sites: Path) -> Iterator[str]:
+    """Run the sandbox's servers and robots, and yield where its site is; everything is ended afterwards.
+
+    Args:
+        definition: the study.
+        sites: where the plans of sites that do not come with the project are kept, as simulators take them.
+
+    Raises:
+        telepresence_site.demo.children.StartFailed: one of them did not come up, or ended meanwhile; one sentence.
+    """
+    children = Children(settings.VAR_DIR / "log", {**os.environ})
+    try:
+        yield _start(children, definition, sites)
+        gone = children.ended()
+        if gone is not None:  # what bots met after that says nothing of the study
+            raise StartFailed(f"The {gone.name} ended meanwhile ({gone.process.returncode}): {gone.last_words()} (its log: {gone.log})")
+    finally:
+        children.stop()
+
+
+def _start(children: Children, definition: Definition, sites: Path) -> str:
+    start = partial(children.start, within=START_SECONDS)
+    manage = str(settings.BASE_DIR / "manage.py")
+    mqtt_port, web_port = int(settings.MQTT_URL.rpartition(":")[2]), _free_port()
+    start("broker", [manage, "run_broker", "--host", LOOPBACK, "--port", str(mqtt_port)], lambda: _listens(mqtt_port))
+    start("session manager", [manage, "run_session_manager"], ManagerBeat.objects.exists)
+    site = f"http://{LOOPBACK}:{web_port}"
+    start("web server", [*DAPHNE, "-b", LOOPBACK, "-p", str(web_port), APPLICATION], lambda: _answers(site))
+    for name, (series, plan) in _robots(definition).items():
+        where = plan if plan in shipped_sites() else str(sites / plan)
+        options = [f"--option={key}={value}" for key, value in (("plan", where), ("fps", FPS))]
+        start(f"simulated {name}", [manage, "run_robot", name, "--profile", series, *options], _online(name))
+    return site
+
+
+def _online(name: str) -> Callable[[], bool]:
+    return lambda: Robot.objects.filter(name=name, connection="ONLINE").exclude(factsheet=None).exists()
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def _listens(port: int) -> bool:
+    with socket.socket() as probe:
+        probe.settimeout(0.5)
+        return probe.connect_ex((LOOPBACK, port)) == 0
+
+
+def _answers(site: str) -> bool:
+    try:
+        with urllib.request.urlopen(f"{site}/healthz", timeout=2) as answer:  # noqa: S310 -- our own address
+            return bool(answer.status == 200)  # noqa: PLR2004
+    except (urllib.error.URLError, OSError):
+        time.sleep(0.1)
+        return False

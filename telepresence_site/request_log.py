@@ -1,0 +1,93 @@
+"""A request's id, its line in the log, and its figures: ASGI middleware around HTTP and WebSockets alike.
+
+A line names the route and never the path: paths hold one-time links, and who visits what is nobody's business. daphne's own access log,
+which has paths, is turned off (telepresence_site/serving.py).
+"""
+
+import logging
+import re
+import secrets
+import time
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from django.urls import Resolver404, resolve
+from prometheus_client import Counter, Gauge, Histogram
+
+from robots import log_ids
+
+log = logging.getLogger("telepresence.request")
+HEADER = b"x-request-id"
+ELSEWHERE = "elsewhere"
+METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
+QUIET = frozenset({"healthz", "readyz", "metrics", ELSEWHERE})  # asked all the time, or static
+_GIVEN = re.compile(rb"[A-Za-z0-9-]{8,64}")
+REQUESTS = Counter("telepresence_http_requests", "Answered HTTP requests.", ["method", "status"])
+SECONDS = Histogram("telepresence_http_request_seconds", "From a request to the end of its answer.")
+SOCKETS = Gauge("telepresence_websockets", "Open WebSockets.", ["kind"])
+
+Application = Callable[[dict[str, Any], Any, Any], Awaitable[None]]
+
+
+def route_of(path: str) -> str:
+    """Return the pattern that a path matches, which holds no id and no key; `elsewhere` when there is none."""
+    return _found(path)[0]
+
+
+class RequestLog:
+    """Gives every request and every socket an id (its proxy's, when that sent a plain one), which the answer bears as X-Request-ID."""
+
+    def __init__(self, application: Application) -> None:
+        self._application = application
+
+    async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
+        """Serve it, and write down how it went."""
+        given = next((value for name, value in scope.get("headers", ()) if name == HEADER), b"")
+        request = given.decode() if _GIVEN.fullmatch(given) else secrets.token_hex(8)
+        if scope["type"] == "websocket":
+            with log_ids.about(request=request):  # the consumer adds the rest
+                await self._serve_socket(scope, receive, send)
+            return
+        route, named = _found(scope["path"])
+        with log_ids.about(request=request, **named):
+            await self._serve_request(scope, receive, send, request, route)
+
+    async def _serve_socket(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
+        kind = "screen" if scope["path"].endswith("/screen/") else "drive"
+        SOCKETS.labels(kind).inc()
+        try:
+            await self._application(scope, receive, send)
+        finally:
+            SOCKETS.labels(kind).dec()
+
+    async def _serve_request(self, scope: dict[str, Any], receive: Any, send: Any, request: str, route: str) -> None:
+        began, status = time.monotonic(), 0
+
+        async def answer(message: dict[str, Any]) -> None:
+            nonlocal status
+            if message["type"] == "http.response.start":
+                status = message["status"]
+                message = {**message, "headers": [*message.get("headers", ()), (HEADER, request.encode())]}
+            await send(message)
+
+        try:
+            await self._application(scope, receive, answer)
+        finally:
+            _note(scope["method"], route, status, time.monotonic() - began)
+
+
+def _found(path: str) -> tuple[str, dict[str, object]]:
+    """Return a path's route, and the robot and session that it names."""
+    try:
+        found = resolve(path)
+    except Resolver404:
+        return ELSEWHERE, {}
+    return found.route or "/", {name: str(found.kwargs[name]) for name in ("robot", "session") if name in found.kwargs}
+
+
+def _note(asked: str, route: str, status: int, seconds: float) -> None:
+    method = asked if asked in METHODS else "other"
+    REQUESTS.labels(method, str(status)).inc()
+    SECONDS.observe(seconds)
+    level = logging.DEBUG if route in QUIET else logging.INFO
+    log.log(level, "request_done method=%s route=%s status=%d milliseconds=%.1f", method, route, status, 1000.0 * seconds)

@@ -1,0 +1,32 @@
+"""Addresses of the site."""
+
+from allauth.account.decorators import secure_admin_login
+from django.conf import settings
+from django.contrib import admin
+from django.urls import include, path
+
+from telepresence_site import health, metrics, pages
+
+# One way in, whose attempts are counted: the administration's own form would let anybody guess for ever.
+admin.site.login = secure_admin_login(admin.site.login)  # type: ignore[method-assign]
+
+urlpatterns = [
+    path("", pages.home, name="home"),
+    path("robots.json", pages.robots_json, name="robots_json"),
+    path("about/", pages.about, name="about"),
+    path("manifest.webmanifest", pages.manifest, name="manifest"),
+    path("readyz", health.readyz, name="readyz"),
+    path("metrics", metrics.metrics, name="metrics"),
+    path("admin/", admin.site.urls),
+    path("accounts/", include("allauth.urls")),
+    path("", include("accounts.urls")),
+    path("", include("robots.urls")),
+    path("", include("sessions.urls")),
+    path("", include("surveys.urls")),
+    path("", include("experiments.analysis_urls")),
+    path("", include("experiments.urls")),
+    path("", include("experiments.research_urls")),
+]
+
+if settings.DEMO_TOKEN:
+    urlpatterns.append(path("", include("telepresence_site.demo.links")))

@@ -1,0 +1,89 @@
+import pytest
+from django.contrib.auth.models import Permission
+from django.urls import reverse
+
+from accounts.models import User
+from tests.support.people import PASSWORD, person
+
+pytestmark = pytest.mark.django_db
+PEOPLE = "admin:accounts_user_changelist"
+
+
+@pytest.fixture
+def staff(client):
+    boss = person("boss", is_staff=True, is_superuser=True)
+    client.force_login(boss)
+    return boss
+
+
+def test_people_are_found_by_name_and_address(client, staff):
+    person("ada", display_name="Countess", email="ada@example.org")
+    for words in ("ada", "countess", "example.org"):
+        found = client.get(reverse(PEOPLE), {"q": words}).context["cl"].queryset
+        assert [user.username for user in found] == ["ada"]
+
+
+def test_accounts_are_closed_and_opened_again_but_not_ones_own(client, staff):
+    ada = person("ada")
+    chosen = {"_selected_action": [ada.pk, staff.pk]}
+    client.post(reverse(PEOPLE), {"action": "close_accounts"} | chosen)
+    assert {u.username: u.is_active for u in User.objects.all()} == {"ada": False, "boss": True}
+    client.post(reverse(PEOPLE), {"action": "open_accounts"} | chosen)
+    assert User.objects.get(username="ada").is_active
+
+
+def test_a_person_is_made_with_a_shown_name(client, staff):
+    form = {"username": "ada", "display_name": "Countess", "email": "", "usable_password": "true"}
+    secret = "eleven blue ladders"
+    response = client.post(reverse("admin:accounts_user_add"), form | {"password1": secret, "password2": secret})
+    assert response.status_code == 302
+    assert User.objects.get(username="ada").display_name == "Countess"
+
+
+@pytest.mark.parametrize("name", ["admin:index", PEOPLE, "admin:accounts_user_add", "admin:account_emailaddress_changelist"])
+def test_the_administration_has_the_sites_face_and_needs_no_inline_code(client, staff, name):
+    html = client.get(reverse(name)).content.decode()
+    assert "css/admin.css" in html
+    assert "Telepresence" in html
+    assert "style=" not in html
+    assert "<style" not in html
+
+
+def test_staff_without_rights_see_no_numbers(client):
+    client.force_login(person("helper", is_staff=True))
+    assert "glance" not in client.get(reverse("admin:index")).content.decode()
+
+
+def test_the_first_page_tells_that_nothing_is_recorded(client, staff):
+    assert "The session manager is not running" in client.get(reverse("admin:index")).content.decode()
+
+
+@pytest.fixture
+def helper(client):
+    """Somebody who may change people, and is no administrator."""
+    user = person("helper", is_staff=True)
+    user.user_permissions.set(Permission.objects.filter(codename__in=["view_user", "change_user", "delete_user"]))
+    client.force_login(user)
+    return user
+
+
+def test_whoever_may_change_people_makes_nobody_an_administrator(client, helper):
+    page = reverse("admin:accounts_user_change", args=[helper.pk])
+    form = {"username": "helper", "display_name": "Helper", "email": "", "is_active": "on", "is_staff": "on", "is_superuser": "on"}
+    assert client.post(page, form | {"user_permissions": [p.pk for p in Permission.objects.all()[:5]]}).status_code == 302
+    changed = User.objects.get(pk=helper.pk)
+    assert (changed.display_name, changed.is_superuser, changed.user_permissions.count()) == ("Helper", False, 3)
+
+
+def test_whoever_may_change_people_changes_no_administrator_nor_their_password(client, helper):
+    boss = person("boss", is_staff=True, is_superuser=True)
+    for name in ("admin:accounts_user_change", "admin:auth_user_password_change"):
+        secret = "eleven blue ladders"
+        answer = client.post(
+            reverse(name, args=[boss.pk]), {"username": "mallory", "password1": secret, "password2": secret, "usable_password": "true"}
+        )
+        assert answer.status_code == 403
+    client.post(reverse(PEOPLE), {"action": "close_accounts", "_selected_action": [boss.pk]})
+    client.post(reverse("admin:accounts_user_delete", args=[boss.pk]), {"post": "yes"})
+    kept = User.objects.get(pk=boss.pk)
+    assert (kept.username, kept.is_active, kept.check_password(PASSWORD)) == ("boss", True, True)

@@ -1,0 +1,134 @@
+import re
+
+import pytest
+from django.core import mail
+from django.urls import reverse
+
+from accounts.models import User
+from tests.support.html_page import faults, read
+from tests.support.people import PASSWORD, person
+
+pytestmark = pytest.mark.django_db
+
+
+def log_in(client, login, password=PASSWORD, **more):
+    return client.post(reverse("account_login"), {"login": login, "password": password} | more)
+
+
+def signed_in(client) -> bool:
+    return "_auth_user_id" in client.session
+
+
+@pytest.mark.parametrize("login", ["ada", "ada@example.org", "ADA@example.org"])
+def test_a_visitor_logs_in_by_user_name_or_by_address(client, login):
+    person("ada", email="ada@example.org")
+    assert log_in(client, login).url == reverse("home")
+    assert signed_in(client)
+
+
+def test_log_in_leads_on_to_the_page_that_was_asked_for(client):
+    person()
+    page = client.get(reverse("profile"))
+    assert page.url == f"{reverse('account_login')}?next={reverse('profile')}"
+    assert log_in(client, "ada", next=reverse("profile")).url == reverse("profile")
+
+
+def test_log_in_leads_to_no_other_site(client):
+    person()
+    assert log_in(client, "ada", next="//elsewhere.example/").url == reverse("home")
+
+
+@pytest.mark.parametrize(("login", "password"), [("ada", "wrong"), ("nobody", PASSWORD), ("", ""), ("ada", "")])
+def test_a_wrong_log_in_says_so_and_signs_nobody_in(client, login, password):
+    person()
+    response = log_in(client, login, password)
+    assert response.status_code == 200
+    assert not signed_in(client)
+    page = read(response)
+    assert any(e.attributes.get("role") == "alert" and e.text.strip() for e in page.elements)
+    assert faults(page) == []
+
+
+def test_an_unknown_name_and_a_wrong_password_are_answered_alike(client):
+    person()
+    errors = [log_in(client, login, "wrong").context["form"].non_field_errors() for login in ("ada", "nobody")]
+    assert errors[0] == errors[1]
+
+
+def test_a_closed_account_is_told_so(client):
+    person(is_active=False)
+    response = client.post(reverse("account_login"), {"login": "ada", "password": PASSWORD}, follow=True)
+    assert "This account is closed" in read(response).text
+    assert not signed_in(client)
+
+
+def test_guessing_is_stopped_even_when_the_sixth_guess_is_right(client):
+    person()
+    for _ in range(5):
+        log_in(client, "ada", "wrong")
+    assert log_in(client, "ada").status_code == 200
+    assert not signed_in(client)
+
+
+def test_a_session_ends_with_the_browser_unless_the_visitor_wants_to_stay(client):
+    person()
+    log_in(client, "ada")
+    assert client.session.get_expire_at_browser_close()
+    client.logout()
+    log_in(client, "ada", remember="on")
+    assert not client.session.get_expire_at_browser_close()
+
+
+def test_logging_out_takes_a_post(client):
+    client.force_login(person())
+    assert "Log out?" in read(client.get(reverse("account_logout"))).text
+    assert signed_in(client)
+    assert client.post(reverse("account_logout")).url == reverse("home")
+    assert not signed_in(client)
+
+
+def test_a_forgotten_password_is_replaced_through_a_link_that_works_once(client):
+    person("ada", email="ada@example.org")
+    assert client.post(reverse("account_reset_password"), {"email": "ada@example.org"}).status_code == 302
+    link = re.search(r"https?://testserver(/\S+)", mail.outbox[0].body)[1]
+    page = client.get(link, follow=True)
+    form = page.request["PATH_INFO"]
+    assert "Choose a new password" in read(page).text
+    fresh = "eleven blue ladders"
+    client.post(form, {"password1": fresh, "password2": fresh})
+    assert User.objects.get().check_password(fresh)
+    assert "This link has expired" in read(client.get(link, follow=True)).text
+
+
+def test_asking_for_a_new_password_does_not_tell_who_has_an_account(client):
+    person("ada", email="ada@example.org")
+    answers = [client.post(reverse("account_reset_password"), {"email": e}).url for e in ("ada@example.org", "nobody@example.org")]
+    assert answers[0] == answers[1]
+
+
+def test_a_password_is_changed_with_the_old_one(client):
+    client.force_login(person())
+    fresh = "eleven blue ladders"
+    url = reverse("account_change_password")
+    assert client.post(url, {"oldpassword": "wrong", "password1": fresh, "password2": fresh}).status_code == 200
+    assert client.post(url, {"oldpassword": PASSWORD, "password1": fresh, "password2": fresh}).status_code == 302
+    assert User.objects.get().check_password(fresh)
+
+
+def test_the_administration_has_no_door_of_its_own_at_which_guesses_are_not_counted(client):
+    answer = client.post(reverse("admin:login"), {"username": "boss", "password": "guess", "next": "/admin/"})
+    assert (answer.status_code, answer.url.partition("?")[0]) == (302, reverse("account_login"))
+    client.force_login(person())
+    assert client.get(reverse("admin:login")).status_code == 403
+
+
+def test_behind_a_proxy_of_ours_each_visitors_guesses_are_counted_alone(client, settings):
+    settings.TRUSTED_PROXIES = ["127.0.0.1"]
+    settings.ACCOUNT_RATE_LIMITS = {"login": "3/m/ip"}
+
+    def code(address):
+        return client.post(reverse("account_login"), {"login": "ada", "password": "guess"}, headers={"x-forwarded-for": address}).status_code
+
+    assert [code("198.51.100.7") for _ in range(4)] == [200, 200, 200, 429]
+    assert code("198.51.100.8") == 200
+    assert code("198.51.100.7, 198.51.100.8") == 200  # what stands left is only a claim

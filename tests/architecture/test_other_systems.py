@@ -1,0 +1,234 @@
+"""The agent runs on Windows and on newer Pythons: what only POSIX has, and what 3.12 and 3.13 no longer have, is not called unguarded.
+
+`mypy --platform win32 --python-version 3.13` finds the same from the types, in `make lint`; this says it in a second, and knows what types do not
+tell: which loop watches foreign sockets, and which paths are Linux's own.
+"""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = sorted((ROOT / "robots" / "agent").rglob("*.py")) + sorted((ROOT / "robots" / "api").rglob("*.py"))
+ONLY_POSIX = {
+    "os": "chown chroot ctermid fchmod fchown fork forkpty geteuid getgid getgroups getloadavg getpgid getpgrp getpriority getresuid getsid getuid killpg "
+    "lchown lockf major mkfifo mknod nice openpty pathconf pipe2 posix_fadvise posix_spawn pread pwrite sched_getaffinity sched_setaffinity sched_yield "
+    "sched_setscheduler sendfile setgid setgroups setpgid setpriority setsid setuid statvfs sync sysconf tcsetpgrp ttyname uname wait wait3 wait4 waitid",
+    "signal": "SIGALRM SIGCHLD SIGCONT SIGHUP SIGKILL SIGPIPE SIGQUIT SIGSTOP SIGTSTP SIGUSR1 SIGUSR2 SIGWINCH alarm pause pthread_kill pthread_sigmask "
+    "set_wakeup_fd setitimer sigpending sigtimedwait sigwait sigwaitinfo",
+    "socket": "AF_UNIX AF_PACKET AF_NETLINK SO_BINDTODEVICE SO_REUSEPORT MSG_DONTWAIT MSG_NOSIGNAL socketpair_unix recv_fds send_fds",
+    "select": "epoll poll kqueue",
+    "time": "CLOCK_BOOTTIME CLOCK_MONOTONIC CLOCK_MONOTONIC_RAW CLOCK_REALTIME clock_gettime clock_settime tzset",
+    "asyncio": "open_unix_connection start_unix_server create_subprocess_exec create_subprocess_shell ThreadedChildWatcher get_child_watcher",
+    "multiprocessing": "set_start_method",
+}
+# Of whatever object: a loop cannot do these on Windows (the control loop there watches sockets, and can start no process).
+OF_ANYTHING = {
+    "add_signal_handler", "create_unix_connection", "create_unix_server", "connect_read_pipe", "connect_write_pipe", "subprocess_exec", "subprocess_shell",
+}  # fmt: skip
+POSIX_MODULES = {"crypt", "fcntl", "grp", "posix", "pty", "pwd", "resource", "spwd", "syslog", "termios", "tty", "uvloop"}
+GONE = {  # in 3.12, 3.13
+    "asynchat", "asyncore", "distutils", "imp", "smtpd", "aifc", "audioop", "cgi", "cgitb", "chunk", "crypt", "imghdr", "lib2to3", "mailcap", "msilib", "nis", "nntplib",
+    "ossaudiodev", "pipes", "sndhdr", "spwd", "sunau", "telnetlib", "uu", "xdrlib", "pkg_resources", "setuptools",
+}  # fmt: skip
+OPTIONS = {"preexec_fn", "pass_fds", "process_group", "umask", "user", "group", "extra_groups"}  # of subprocess
+PATHS = ("/dev/", "/proc/", "/sys/", "/run/", "/etc/", "/tmp/", "/var/", "/usr/", "/bin/", "/home/")
+GUARDS = ("sys.platform", "os.name", "hasattr", "getattr")
+EXCUSES = {"NotImplementedError", "AttributeError"}
+# What people are told, and a word of theirs that is compared.
+PATHS_IN_WORDS = {"robots/agent/devices/words.py"}
+
+
+def dotted(node: ast.AST) -> str:
+    if isinstance(node, ast.Attribute):
+        return f"{dotted(node.value)}.{node.attr}"
+    return node.id if isinstance(node, ast.Name) else ""
+
+
+def asks_for_the_system(test: ast.AST) -> bool:
+    return any(dotted(node).startswith(GUARDS) for node in ast.walk(test))
+
+
+def is_excused(handlers: list[ast.ExceptHandler]) -> bool:
+    return any(dotted(node) in EXCUSES for handler in handlers if handler.type for node in ast.walk(handler.type))
+
+
+def leaves(body: list[ast.stmt]) -> bool:
+    return bool(body) and isinstance(body[-1], ast.Return | ast.Raise | ast.Continue)
+
+
+class Finder(ast.NodeVisitor):
+    """Collects (line, what) of everything that is called without having asked on which system it runs."""
+
+    def __init__(self, *, words: bool = False) -> None:
+        self.found: list[tuple[int, str]] = []
+        self.guarded = 0
+        self.words = words
+        self.said: set[int] = set()  # texts that nobody opens
+
+    def within_guard(self, nodes) -> None:
+        self.guarded += 1
+        for node in nodes:
+            self.visit(node)
+        self.guarded -= 1
+
+    def block(self, body: list[ast.stmt]) -> None:
+        """Visit statements in order: what follows a return on other systems is guarded."""
+        left = 0
+        for statement in body:
+            self.visit(statement)
+            if isinstance(statement, ast.If) and asks_for_the_system(statement.test) and leaves(statement.body):
+                self.guarded, left = self.guarded + 1, left + 1
+        self.guarded -= left
+
+    def generic_visit(self, node: ast.AST) -> None:
+        for name, value in ast.iter_fields(node):
+            if name in {"body", "orelse", "finalbody"} and isinstance(value, list):
+                self.block(value)
+            elif isinstance(value, list):
+                for one in value:
+                    if isinstance(one, ast.AST):
+                        self.visit(one)
+            elif isinstance(value, ast.AST):
+                self.visit(value)
+
+    def visit_If(self, node: ast.If) -> None:
+        self.visit(node.test)
+        if asks_for_the_system(node.test):
+            self.within_guard([*node.body, *node.orelse])
+        else:
+            self.block(node.body)
+            self.block(node.orelse)
+
+    def visit_IfExp(self, node: ast.IfExp) -> None:
+        if asks_for_the_system(node.test):
+            self.within_guard([node.body, node.orelse])
+        else:
+            self.generic_visit(node)
+
+    def visit_Try(self, node: ast.Try) -> None:
+        if is_excused(node.handlers):
+            self.within_guard(node.body)
+            for part in (*node.handlers, *node.orelse, *node.finalbody):
+                self.visit(part)
+        else:
+            self.generic_visit(node)
+
+    def visit_Attribute(self, node: ast.Attribute) -> None:
+        module, _, name = dotted(node).rpartition(".")
+        if node.attr in OF_ANYTHING or name in ONLY_POSIX.get(module, "").split():
+            self.add(node, dotted(node) or node.attr)
+        self.generic_visit(node)
+
+    def visit_Import(self, node: ast.Import) -> None:
+        for alias in node.names:
+            self.imported(node, alias.name)
+
+    def visit_ImportFrom(self, node: ast.ImportFrom) -> None:
+        self.imported(node, node.module or "")
+        for alias in node.names:
+            if alias.name in ONLY_POSIX.get(node.module or "", "").split():
+                self.add(node, f"{node.module}.{alias.name}")
+
+    def imported(self, node: ast.stmt, module: str) -> None:
+        if module.partition(".")[0] in POSIX_MODULES | GONE:
+            self.add(node, module)
+
+    def visit_Call(self, node: ast.Call) -> None:
+        if dotted(node.func) in {"subprocess.Popen", "subprocess.run", "subprocess.call", "subprocess.check_output"}:
+            for keyword in node.keywords:
+                if keyword.arg in OPTIONS:
+                    self.add(node, f"{keyword.arg}=")
+        self.generic_visit(node)
+
+    def visit_Expr(self, node: ast.Expr) -> None:
+        if not isinstance(node.value, ast.Constant):  # a docstring opens nothing
+            self.generic_visit(node)
+
+    def visit_Constant(self, node: ast.Constant) -> None:
+        if isinstance(node.value, str) and node.value.startswith(PATHS) and not self.words:
+            self.add(node, node.value)
+
+    def add(self, node: ast.expr | ast.stmt, what: str) -> None:
+        if not self.guarded:
+            self.found.append((node.lineno, what))
+
+
+def problems(source: str, *, words: bool = False) -> list[str]:
+    finder = Finder(words=words)
+    finder.visit(ast.parse(source))
+    return [what for _, what in sorted(finder.found)]
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_the_agent_calls_nothing_that_windows_or_a_newer_python_lacks(path):
+    name = path.relative_to(ROOT).as_posix()
+    assert problems(path.read_text(encoding="utf-8"), words=name in PATHS_IN_WORDS) == []
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ("import os\nos.fork()", ["os.fork"]),
+        ("import signal\nend(signal.SIGKILL)", ["signal.SIGKILL"]),
+        ("from signal import SIGUSR1", ["signal.SIGUSR1"]),
+        ("import fcntl", ["fcntl"]),
+        ("import distutils.util", ["distutils.util"]),
+        ("import os\nif os.geteuid():\n    pass", ["os.geteuid"]),
+        ("import os\nos.killpg(1, 2)", ["os.killpg"]),
+        ("import socket\nsocket.socket(socket.AF_UNIX)", ["socket.AF_UNIX"]),
+        ("asyncio.open_unix_connection('x')", ["asyncio.open_unix_connection"]),
+        ("self.loop().add_signal_handler(2, end)", [".add_signal_handler"]),
+        ("try:\n    loop.add_signal_handler(2, end)\nexcept ValueError:\n    pass", ["loop.add_signal_handler"]),
+        ("subprocess.Popen(['x'], preexec_fn=f)", ["preexec_fn="]),
+        ("await asyncio.create_subprocess_exec('x')", ["asyncio.create_subprocess_exec"]),
+        ("open('/proc/self/stat')", ["/proc/self/stat"]),
+        ("import sys\nif sys.flags:\n    open('/dev/null')", ["/dev/null"]),
+        ("def f():\n    if sys.platform == 'win32':\n        log()\n    os.nice(1)", ["os.nice"]),
+    ],
+)
+def test_what_is_called_unguarded_is_found(source, found):
+    assert problems(source) == found
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "try:\n    loop.add_signal_handler(2, end)\nexcept NotImplementedError:\n    pass",
+        "if sys.platform.startswith('linux'):\n    os.nice(1)",
+        "def f():\n    if sys.platform == 'win32':\n        return\n    os.nice(1)",
+        "python = 'python' if sys.platform == 'win32' else '/usr/bin/python3'",
+        "if hasattr(signal, 'SIGHUP'):\n    signal.signal(signal.SIGHUP, end)",
+        "subprocess.Popen(['x'], start_new_session=True, creationflags=flags)",
+        "def f():\n    '''/proc/self is Linux's.'''",
+        "import os\nos.replace('a', 'b')",
+    ],
+)
+def test_what_is_guarded_or_everywhere_is_let_through(source):
+    assert problems(source) == []
+
+
+def test_the_control_loop_is_one_that_watches_foreign_sockets_on_windows_too():
+    """asyncio.run would give Windows a loop that cannot, and the broker's client brings a socket of its own."""
+    calls = [node for node in ast.walk(ast.parse((ROOT / "robots/agent/control.py").read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
+    loops = [keyword.value for call in calls if dotted(call.func) == "asyncio.Runner" for keyword in call.keywords if keyword.arg == "loop_factory"]
+    assert [dotted(loop) for loop in loops] == ["asyncio.SelectorEventLoop"]
+    assert not [call for call in calls if dotted(call.func) == "asyncio.run"]
+
+
+def test_the_agents_modules_are_written_in_the_grammar_of_the_oldest_python():
+    for path in SOURCES:
+        ast.parse(path.read_text(encoding="utf-8"), feature_version=(3, 11))
+
+
+def test_the_agent_is_imported_without_a_module_that_windows_lacks():
+    """What others' modules import by themselves is theirs to guard; this is that none of ours makes them need it."""
+    blocked = sorted(
+        POSIX_MODULES - {"posix", "crypt", "spwd", "pwd", "grp", "tty"}
+    )  # the standard library itself asks for these when they are there
+    code = f"import sys; sys.modules.update(dict.fromkeys({blocked!r})); import robots.agent.agent, robots.agent.adapters.simulator, robots.agent.adapters.moos"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=240, check=False)
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,29 @@
+"""Every setting and every command of ours stands in the reference."""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+REFERENCE = ROOT / "docs" / "reference"
+
+
+def test_every_environment_variable_that_the_settings_read_is_explained():
+    sources = [*(ROOT / "telepresence_site").rglob("*.py")]
+    read = {name for path in sources for name in re.findall(r'\b(?:text|flag|words)\(\s*"([A-Z_]+)"', path.read_text())}
+    assert len(read) > 20
+    explained = set(re.findall(r"`([A-Z_]+)`", (REFERENCE / "settings.md").read_text()))
+    assert read - explained - {"LAN", "RESET", "PORT"} == set()
+
+
+def test_every_command_is_explained():
+    names = {path.stem for path in ROOT.glob("*/management/commands/*.py")} - {"__init__"}
+    assert names
+    explained = set(re.findall(r"^\| `([a-z_]+)", (REFERENCE / "commands.md").read_text(), re.MULTILINE))
+    assert names <= explained
+
+
+def test_every_link_between_documents_leads_somewhere():
+    documents = [*(ROOT / "docs").rglob("*.md"), *ROOT.glob("*.md")]
+    for document in documents:
+        for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", document.read_text()):
+            assert target.startswith("http") or (document.parent / target).exists(), f"{document.name} points at {target}"

@@ -1,0 +1,195 @@
+"""The light robots' and visitors' side of the wire, and how the load benchmark reads what they measured."""
+
+import asyncio
+import random
+import time
+
+import pytest
+
+from benchmarks import load
+from benchmarks.traffic import mqtt_line, robots
+from benchmarks.traffic.every import Timers
+from robots.api import codec, topics
+from robots.api import messages as m
+from robots.broker import packets
+from robots.broker.packets import Publish
+
+
+class Owner:
+    """Notes what a line hands on."""
+
+    def __init__(self):
+        self.said = []
+
+    def opened(self):
+        self.said.append("opened")
+
+    def heard(self, topic, payload, *, retained):
+        self.said.append((topic, payload, retained))
+
+    def acknowledged(self, packet_id):
+        self.said.append(packet_id)
+
+    def closed(self):
+        self.said.append("closed")
+
+
+class Wire:
+    """A transport that notes what is written."""
+
+    def __init__(self):
+        self.written = b""
+        self.aborted = False
+
+    def write(self, data):
+        self.written += data
+
+    def abort(self):
+        self.aborted = True
+
+
+def read(data):
+    return list(packets.PacketReader(1 << 20).feed(data))
+
+
+async def opened_line():
+    owner, wire = Owner(), Wire()
+    line = mqtt_line.MqttLine(owner, b"hello", [("a/#", 1)])
+    line.connection_made(wire)
+    line.data_received(packets.connack(packets.ACCEPTED) + packets.suback(1, [1]))
+    assert wire.written.startswith(b"hello")
+    wire.written = b""
+    return line, owner, wire
+
+
+def test_the_broker_understands_who_a_line_says_it_is_and_what_it_wants():
+    will = Publish("telepresence/v1/r/connection", b"x" * 200, 1, retain=True)
+    (connect,) = read(mqtt_line.hello("client", "robot", "token", will))
+    assert (connect.client_id, connect.user, connect.password, connect.clean, connect.will) == ("client", "robot", "token", True, will)
+    (subscribed,) = read(mqtt_line.subscribe([("a/#", 1), ("b", 0)]))
+    assert subscribed.filters == (("a/#", 1), ("b", 0))
+
+
+async def test_a_line_hands_on_what_comes_however_it_is_cut_and_confirms_it():
+    line, owner, wire = await opened_line()
+    stream = b"".join(packets.publish(Publish("a/b", bytes([n]) * 300, n % 2, n == 3, n if n % 2 else 0)) for n in range(4))
+    for at in range(0, len(stream), 7):
+        line.data_received(stream[at : at + 7])
+    assert owner.said == ["opened", *(("a/b", bytes([n]) * 300, n == 3) for n in range(4))]
+    assert [packet.packet_id for packet in read(wire.written)] == [1, 3]
+    line.connection_lost(None)
+    assert owner.said[-1] == "closed"
+
+
+async def test_a_line_that_is_refused_hangs_up():
+    owner, wire = Owner(), Wire()
+    line = mqtt_line.MqttLine(owner, b"", [])
+    line.connection_made(wire)
+    line.data_received(packets.connack(packets.BAD_PASSWORD))
+    assert wire.aborted
+    assert owner.said == []
+
+
+@pytest.fixture
+async def robot():
+    robot = robots.LightRobot("light-0", "token", robots.Told(), Timers(), random.Random(1))
+    line = mqtt_line.MqttLine(robot, b"", [])
+    robot.wire = Wire()
+    line.connection_made(robot.wire)
+    robot._line = line
+    robot.opened()
+    robot.wire.written = b""
+    return robot
+
+
+def lease(epoch, session="s1", renewal=1):
+    return codec.encode(m.Lease(session=session, epoch=epoch, peer="p", who="ana", renewal=renewal, stamp=1.0))
+
+
+def said(robot):
+    """Everything that the robot has published since the last time, by suffix."""
+    found = [(topics.parse(packet.topic)[1], packet.payload) for packet in read(robot.wire.written)]
+    robot.wire.written = b""
+    return [(suffix, codec.decode(suffix, payload)) for suffix, payload in found]
+
+
+async def test_a_light_robot_says_what_a_real_one_says_and_counts_its_states(robot):
+    robot.heard(topics.of("light-0", "lease"), lease(1), retained=False)
+    assert [message.type for suffix, message in said(robot) if suffix == "event"] == ["lease_taken"]
+    command = m.VelocityCommand(session="s1", epoch=1, seq=1, stamp=time.time(), linear=0.1, angular=0.0, method="keyboard")
+    robot.heard(topics.of("light-0", "command/velocity"), codec.encode(command), retained=False)
+    robot._say_state()
+    ((_, state),) = said(robot)
+    assert (state.session, state.epoch, [applied.seq for applied in state.applied]) == ("s1", 1, [1])
+    robot.heard(topics.of("light-0", "lease"), b"", retained=False)
+    assert [suffix for suffix, _ in said(robot)] == ["state", "event"], "its last state, and that it was the last"
+    robot._say_state()
+    assert robot.states == {"s1": 2}
+
+
+async def test_a_light_robot_keeps_states_while_the_broker_is_away_and_says_old_ones_again_when_asked(robot):
+    robot.heard(topics.of("light-0", "lease"), lease(1), retained=False)
+    robot.closed()
+    robot.wire.written = b""
+    robot._say_state()
+    robot._say_pose()
+    assert robot.wire.written == b""
+    robot.opened()
+    kept = [message.seq for suffix, message in said(robot) if suffix == "state"]
+    assert kept[-1:] == [1], "and the pose, which is of its moment, is gone"
+    again = m.ResendStates(action_id="r", stamp=1.0, role="server", boot=robot.boot, first=1, last=1)
+    robot.heard(topics.of("light-0", "command/action"), codec.encode(again), retained=False)
+    assert [message.seq for suffix, message in said(robot) if suffix == "state"] == [1]
+
+
+async def test_commands_that_are_missing_are_counted_by_their_numbers(robot):
+    robot.heard(topics.of("light-0", "lease"), lease(1), retained=False)
+    for seq in (5, 6, 9):
+        command = m.VelocityCommand(session="s1", epoch=1, seq=seq, stamp=1.0, linear=0.1, angular=0.0, method="keyboard")
+        robot.heard(topics.of("light-0", "command/velocity"), codec.encode(command), retained=False)
+    assert robot._told.counts["commands_missing"] == 2
+    assert len(robot._told.delays) == 3
+
+
+async def test_timers_go_on_and_note_how_late_they_are():
+    timers, rung = Timers(), asyncio.Event()
+    count = 0
+
+    def ring():
+        nonlocal count
+        count += 1
+        if count == 3:
+            rung.set()
+
+    timers.every(0.001, 0.5, ring)
+    await asyncio.wait_for(rung.wait(), 60)
+    assert len(timers.late) >= 3
+    assert min(timers.late) >= 0.0
+
+
+def step(**changed):
+    quiet = {"p50": 2.0, "p99": 9.0, "max": 20.0}
+    usual = {
+        "sessions": 40, "driving": 40, "to_robot": quiet, "to_page": quiet, "late": quiet, "messages_per_second": 2000.0, "missing": 0,
+        "record_behind": 0.5, "shares": {"web": 0.6, "broker": 0.2, "visitors": 0.1, "others": 0.9},
+    }  # fmt: skip
+    return load.Step(**usual | changed)
+
+
+def test_a_step_breaks_by_lateness_loss_a_record_that_is_behind_or_visitors_who_do_not_drive():
+    assert step().breaks == ""
+    late = {"p50": 9.0, "p99": load.BOUND_MS + 1, "max": 90.0}
+    assert step(to_page=late).breaks == step(to_robot=late).breaks == "late"
+    assert step(driving=39).breaks == "only 39 drive"
+    assert step(missing=2).breaks == "2 missing"
+    assert step(record_behind=99.0).breaks == "record behind"
+
+
+def test_what_is_full_is_a_process_without_room_or_else_the_computer():
+    assert "web (95 %" in step(shares={"web": 0.95, "broker": 0.2, "others": 0.0}).full
+    assert "visitors" in step(shares={"web": 0.5, "visitors": 0.97, "others": 0.0}).full, "also when it is the generator"
+    assert step().full.startswith("the computer")
+
+
+def test_no_sample_at_all_is_no_quick_one():
+    assert load.quantiles([])["p99"] == float("inf")

@@ -1,0 +1,177 @@
+"""What a visitor sees and does of a robot that drives by itself: the dock, a point on the map, help near obstacles, a lost robot, the way home."""
+
+import math
+import os
+import re
+
+import pytest
+from playwright.sync_api import expect
+
+from robots.agent.simulator.wire import CarryTo
+from tests.support.patience import patient
+from tests.support.site import wait_for
+from tests.support.truth import Fate
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture(scope="module")
+def giraff(site):
+    return site.start_robot("giraff", "--seed", "5")
+
+
+@pytest.fixture(scope="module")
+def fate(giraff):
+    return Fate(giraff.port)
+
+
+def photograph(visitor, name):
+    """Keep what is seen, on a desktop and on a phone, where SCREENSHOTS says, for people to look at."""
+    if folder := os.environ.get("SCREENSHOTS"):
+        for kind, (width, height) in {"phone": (390, 844), "desktop": (1280, 800)}.items():
+            visitor.page.set_viewport_size({"width": width, "height": height})
+            visitor.page.wait_for_timeout(400)
+            visitor.page.screenshot(path=f"{folder}/{name}-{kind}.png")
+
+
+def on_the_map(visitor, x, y):
+    """Return where a point of the world is on the page, in CSS pixels."""
+    view, box = visitor.marker(), visitor.page.locator("#map").bounding_box()
+    left, top = box["width"] / 2 + (x - view["viewX"]) * view["viewScale"], box["height"] / 2 - (y - view["viewY"]) * view["viewScale"]
+    return box["x"] + left, box["y"] + top
+
+
+def tap(visitor, x, y):
+    visitor.page.mouse.click(*on_the_map(visitor, x, y))
+
+
+def show_place(visitor, truth):
+    """Press on the map where the robot is, and drag to where it looks."""
+    x, y = on_the_map(visitor, truth.x, truth.y)
+    visitor.page.mouse.move(x, y)
+    visitor.page.mouse.down()
+    visitor.page.mouse.move(x + 60 * math.cos(truth.theta), y - 60 * math.sin(truth.theta), steps=4)
+    visitor.page.mouse.up()
+
+
+def press(visitor, name):
+    visitor.page.get_by_role("button", name=name, exact=True).click()
+
+
+def offer(visitor, word, within=15.0):
+    expect(visitor.page.locator("#offer")).to_have_attribute("data-word", word, timeout=patient(within) * 1000)
+
+
+def newest_state(site):
+    return (site.states(site.sessions()[-1][0]) or [{}])[-1]
+
+
+def test_a_robot_leaves_its_dock_by_the_button_and_pressing_forward_there_explains_itself(visitor, giraff):
+    anna = visitor("anna").drive()
+    offer(anna, "dock.here")
+    photograph(anna, "dock")
+    anna.page.keyboard.down("ArrowUp")
+    expect(anna.page.locator("#alert")).to_have_attribute("data-word", "alert.docked_forward")
+    anna.page.keyboard.up("ArrowUp")
+    press(anna, "Leave the dock")
+    offer(anna, "task.undock")
+    offer(anna, "task.done.undock", within=25)
+    assert not giraff.truth().docked
+
+
+def test_it_goes_where_the_map_was_tapped_and_says_when_it_is_there(site, visitor, giraff):
+    ben = visitor("ben").drive()
+    goal = (2.6, 4.2)
+    tap(ben, *goal)
+    photograph(ben, "goal")
+    assert giraff.truth().linear == 0.0, "a tap alone moves nothing"
+    tap(ben, *goal)
+    press(ben, "Go here")
+    offer(ben, "task.goto")
+    wait_for(lambda: abs(giraff.truth().linear) > 0.1, 15, "a drive")
+    photograph(ben, "going")
+    offer(ben, "task.done.goto", within=60)
+    truth = giraff.truth()
+    assert math.hypot(truth.x - goal[0], truth.y - goal[1]) <= 0.3
+    assert truth.contacts == 0
+    wait_for(lambda: "goto" in {state.get("mode") for state in site.states(site.sessions()[-1][0])}, 5, "the record of it")
+
+
+def test_a_key_takes_over_at_once_and_a_place_of_the_menu_is_a_goal_too(visitor, giraff):
+    cora = visitor("cora").drive()
+    press(cora, "Go to…")
+    photograph(cora, "menu")
+    press(cora, "Laboratory")
+    offer(cora, "task.place")
+    press(cora, "Go to…")
+    press(cora, "Corridor, west end")
+    wait_for(lambda: math.hypot(giraff.truth().linear, giraff.truth().angular) > 0.1, 15, "a drive")
+    cora.page.keyboard.down("ArrowLeft")
+    offer(cora, "task.yours")
+    before = giraff.truth().theta
+    wait_for(lambda: math.remainder(giraff.truth().theta - before, math.tau) > 0.2, 10, "a turn to the left")
+    cora.page.keyboard.up("ArrowLeft")
+
+
+def test_a_robot_that_cannot_get_there_says_why_and_offers_a_way_on(visitor, giraff):
+    dan = visitor("dan").drive()
+    tap(dan, 6.0, -1.0)  # below the southernmost wall
+    press(dan, "Go here")
+    offer(dan, "task.failed.goto")
+    expect(dan.page.locator("#offer-detail")).to_contain_text("outside of its map")
+    photograph(dan, "blocked")
+    press(dan, "Try again")
+    offer(dan, "task.failed.goto")
+    press(dan, "Drive yourself")
+    expect(dan.page.locator("#offer")).to_be_hidden()
+    assert dan.page.evaluate("document.activeElement.id") == "viewport"
+
+
+def test_the_help_that_is_chosen_is_in_force_and_says_why_it_holds_back(site, visitor, giraff):
+    eva = visitor("eva").drive()
+    press(eva, "Steering")
+    expect(eva.page.locator("[data-action=assist-steer]")).to_have_attribute("aria-pressed", "true")
+    wait_for(lambda: newest_state(site).get("assist") == "steer", 10, "the level in the robot's record")
+    contacts = giraff.truth().contacts
+    eva.page.keyboard.down("ArrowUp")
+    expect(eva.page.locator("#alert")).to_have_attribute("data-word", re.compile(r"^assist\.(slow|stop|steer)"), timeout=20_000)
+    photograph(eva, "assisted")
+    eva.page.keyboard.up("ArrowUp")
+    assert giraff.truth().contacts == contacts
+
+
+def test_a_lost_robot_is_shown_its_place_on_the_map(visitor, giraff, fate):
+    fay = visitor("fay").drive()
+    assert fate.wish(CarryTo(8.6, 4.4, 1.57)) == ""
+    fay.page.keyboard.down("ArrowLeft")
+    expect(fay.page.locator("#alert")).to_have_attribute("data-word", "alert.lost", timeout=30_000)
+    press(fay, "Show it")  # at once: it looks for itself all the while
+    fay.page.keyboard.up("ArrowLeft")
+    show_place(fay, giraff.truth())
+    photograph(fay, "placing")
+    press(fay, "It is here")
+    offer(fay, "task.done.relocalize", within=20)
+    expect(fay.page.locator("#alert")).to_be_hidden()
+
+
+def test_a_robot_goes_home_after_a_visit_and_whoever_waits_is_told_so_and_then_gets_it(site, visitor, giraff, fate):
+    gil, hans, stranger = visitor("gil").drive(), visitor("hans").open(go=True), visitor()
+    assert fate.wish(CarryTo(1.9, 5.2, 0.0)) == ""
+    press(gil, "Go to…")
+    press(gil, "Show where the robot is")
+    show_place(gil, giraff.truth())
+    press(gil, "It is here")
+    offer(gil, "task.done.relocalize", within=20)
+    hans.wait_for("phase", "queued")
+    site.django("from robots.models import Robot; Robot.objects.update(returns_home=True)")
+    gil.leave()
+    expect(hans.page.locator("#card")).to_have_attribute("data-card", "queued.returning", timeout=40_000)
+    stranger.page.goto("/")
+    expect(stranger.page.locator("[data-robot=giraff]")).to_contain_text("On its way home")
+    photograph(hans, "queue")
+    hans.wait_for("phase", "turn", within=60)
+    assert giraff.truth().docked
+    hans.page.locator("#card-main").click()
+    hans.wait_for_picture()
+    offer(hans, "dock.here")
+    site.django("from robots.models import Robot; Robot.objects.update(returns_home=False)")

@@ -1,0 +1,354 @@
+"""The drive page in a real Chromium, against a robot that can be cut off, muted and made deaf at will."""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from typing import Any
+
+import pytest
+from playwright.async_api import Browser, Page, async_playwright
+
+from robots.api.messages import Stop
+from sessions import wire
+from tests.support.browser_page import CHROMIUM, FLAGS
+from tests.support.fake_robot_page import FakeRobotPage
+from tests.support.patience import patient
+
+pytestmark = pytest.mark.browser
+WIDE, UPRIGHT, LOW = (1280, 800), (390, 844), (844, 390)
+
+
+@pytest.fixture
+def site():
+    with FakeRobotPage() as fake:
+        yield fake
+
+
+@pytest.fixture
+async def browser() -> AsyncIterator[Browser]:
+    async with async_playwright() as playwright:
+        browser = await playwright.chromium.launch(executable_path=CHROMIUM, headless=True, args=FLAGS)
+        yield browser
+        await browser.close()
+
+
+@asynccontextmanager
+async def opened(browser: Browser, site: FakeRobotPage, size: tuple[int, int] = WIDE, *, query: str = "") -> AsyncIterator[Page]:
+    """Open the page; what it complains about, its content policy included, fails the test."""
+    touch = size != WIDE
+    context = await browser.new_context(viewport={"width": size[0], "height": size[1]}, has_touch=touch, is_mobile=touch)
+    page = await context.new_page()
+    complaints: list[str] = []
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("console", lambda line: complaints.append(line.text) if line.type == "error" and "WebSocket connection" not in line.text else None)
+    await page.goto(site.url + query)
+    yield page
+    await context.close()
+    assert complaints == []
+
+
+async def driving(page: Page) -> None:
+    await page.wait_for_selector("#cockpit[data-playing][data-link=live]", timeout=40_000)
+
+
+async def until(condition: Callable[[], Any], seconds: float = 10.0) -> Any:
+    """Wait for a condition and return what it gave."""
+    deadline = time.monotonic() + patient(seconds)
+    while not (found := condition()):
+        assert time.monotonic() < deadline, "nothing of the kind happened"
+        await asyncio.sleep(0.02)
+    return found
+
+
+def stops(site: FakeRobotPage, way: str | None = None) -> list[Stop]:
+    return [action for action in site.said("command/action", way) if isinstance(action, Stop)]
+
+
+async def test_one_click_shows_the_robots_view_and_a_held_key_drives_it_over_the_data_channel(browser, site):
+    async with opened(browser, site) as page:
+        await page.click("text=Drive Giraff")
+        await driving(page)
+        before = site.simulation.pose
+        await page.keyboard.down("ArrowUp")
+        await until(lambda: [way for way, _ in site.applied].count("datachannel") >= 12)
+        await page.keyboard.up("ArrowUp")
+        await until(lambda: site.applied[-1][1].linear == 0.0)
+        assert site.simulation.pose.distance(before) > 0.01
+        assert [command.seq for _, command in site.applied] == sorted({command.seq for _, command in site.applied})
+        assert set(site.refused) <= {"clock_unknown"}
+
+
+@pytest.mark.parametrize("missing", ["**/js/connection/peer.js", "**/js/console.js", "**/css/drive.css"])
+async def test_a_page_of_which_a_part_did_not_arrive_loads_itself_again(browser, site, missing):
+    page = await (await browser.new_context()).new_page()
+    await page.route(missing, lambda route: route.abort("connectionreset"), times=2)
+    await page.goto(site.url)
+    await page.click("text=Drive Giraff")
+    await driving(page)
+
+
+async def test_a_page_that_cannot_be_loaded_says_so_and_offers_to_try_again(browser, site):
+    page = await (await browser.new_context()).new_page()
+    await page.route("**/js/connection/peer.js", lambda route: route.abort("connectionreset"))
+    await page.goto(site.url)
+    again = page.get_by_role("button", name="Load it again")
+    await again.wait_for(timeout=40_000)
+    await page.unroute("**/js/connection/peer.js")
+    await again.click()
+    await page.click("text=Drive Giraff")
+    await driving(page)
+
+
+async def test_a_command_says_which_picture_the_visitor_saw(browser, site):
+    async with opened(browser, site, query="?go=1") as page:
+        await driving(page)
+        await page.keyboard.down("KeyW")
+        commands = await until(lambda: [command for _, command in site.applied if command.frame is not None][3:])
+        now = time.time()
+        await page.keyboard.up("KeyW")
+        assert all(-0.05 < now - command.frame < 3.0 for command in commands)
+        assert all(0.0 < command.stamp - command.frame < 1.0 for command in commands)
+
+
+async def test_the_marker_on_the_map_stands_where_the_robot_is(browser, site):
+    async with opened(browser, site, query="?go=1") as page:
+        await driving(page)
+        await page.wait_for_selector("#map[data-marker-x]")
+        seen = await page.evaluate(
+            """() => {
+                const canvas = document.getElementById("map");
+                const { markerX, markerY, viewX, viewY, viewScale } = canvas.dataset;
+                const density = canvas.width / canvas.clientWidth;
+                const pixel = canvas.getContext("2d").getImageData(Math.round(markerX * density), Math.round(markerY * density), 1, 1).data;
+                const x = +viewX + (markerX - canvas.clientWidth / 2) / viewScale;
+                const y = +viewY - (markerY - canvas.clientHeight / 2) / viewScale;
+                return { x, y, pixel: Array.from(pixel) };
+            }"""
+        )
+        truth = site.simulation.pose
+        assert abs(seen["x"] - truth.x) < 0.15
+        assert abs(seen["y"] - truth.y) < 0.15
+        assert seen["pixel"] == [0xFF, 0x8A, 0x3C, 255]
+
+
+async def test_the_stop_button_stops_on_both_ways_and_a_held_key_does_not_start_again(browser, site):
+    async with opened(browser, site, query="?go=1") as page:
+        await driving(page)
+        await page.keyboard.down("ArrowUp")
+        await until(lambda: len(site.applied) > 5)
+        await page.click("#stop")
+        await until(lambda: stops(site, "datachannel") and stops(site, "mqtt"))
+        last = site.applied[-1][1].seq
+        stop = stops(site)[0]
+        assert stop.seq > last
+        await until(lambda: site.simulation.motion.linear == 0.0)
+        await page.wait_for_selector("#stop:not([data-pending])")
+        count = len(site.applied)
+        await page.keyboard.up("ArrowUp")
+        await page.keyboard.down("ArrowUp")
+        await until(lambda: len(site.applied) > count)
+        assert site.applied[count][1].seq > stop.seq
+        await page.keyboard.up("ArrowUp")
+
+
+@pytest.mark.parametrize("happening", ["window.dispatchEvent(new Event('blur'))", "window.dispatchEvent(new Event('pagehide'))"])
+async def test_a_page_that_loses_its_visitor_stops_the_robot_although_the_key_is_held(browser, site, happening):
+    async with opened(browser, site, query="?go=1") as page:
+        await driving(page)
+        await page.keyboard.down("ArrowUp")
+        await until(lambda: len(site.applied) > 5)
+        await page.evaluate(happening)
+        await until(lambda: stops(site, "datachannel"))
+        await until(lambda: site.simulation.motion.linear == 0.0)
+        assert site.applied[-1][1].seq < stops(site)[0].seq
+
+
+async def test_the_drive_goes_on_while_the_server_is_away_and_is_resumed_without_a_new_link(browser, site):
+    async with opened(browser, site, query="?go=1") as page:
+        await driving(page)
+        site.closed_to_sockets = True
+        site.cut_sockets()
+        await page.wait_for_selector("#alert[data-word='alert.server_only']")
+        count = len(site.applied)
+        await page.keyboard.down("ArrowLeft")
+        await until(lambda: len(site.applied) > count + 10)
+        site.closed_to_sockets = False
+        takes = await until(lambda: [take for take in site.said("session/take") if take.peer])
+        await page.wait_for_selector("#alert[hidden]", state="attached")
+        await page.keyboard.up("ArrowLeft")
+        assert takes[0].session
+        assert len([signal for signal in site.said("signal") if hasattr(signal, "sdp")]) == 1
+        assert len({command.epoch for _, command in site.applied}) == 1
+
+
+COLOURS = """() => {
+    const canvas = document.getElementById("still");
+    const pixels = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+    return new Set(Array.from({ length: 300 }, (_, i) => pixels[4 * Math.floor((i / 300) * (pixels.length / 4))])).size;
+}"""
+
+
+async def test_a_silent_link_is_replaced_and_the_old_picture_is_marked_meanwhile(browser, site):
+    async with opened(browser, site, query="?go=1") as page:
+        await driving(page)
+        site.muted = True
+        site.answers.clear()
+        await page.wait_for_selector("#cockpit[data-frozen]")
+        assert await page.inner_text("#alert") == "Reconnecting… the robot has stopped."
+        assert await page.is_visible("#still")
+        assert await page.evaluate(COLOURS) > 20
+        site.muted = False
+        site.answers.set()
+        await driving(page)
+        await page.wait_for_selector("#cockpit:not([data-frozen])")
+        assert len([signal for signal in site.said("signal") if hasattr(signal, "sdp")]) >= 2
+        count = len(site.applied)
+        await page.keyboard.down("ArrowLeft")
+        await until(lambda: len(site.applied) > count + 3)
+        await page.keyboard.up("ArrowLeft")
+
+
+async def test_commands_change_their_way_when_the_data_channel_is_not_heard_and_their_numbers_go_on(browser, site):
+    async with opened(browser, site, query="?go=1") as page:
+        await driving(page)
+        await page.keyboard.down("ArrowLeft")
+        await until(lambda: [way for way, _ in site.applied].count("datachannel") > 5)
+        site.deaf_to_channel = True
+        await until(lambda: site.applied[-1][0] == "mqtt")
+        site.deaf_to_channel = False
+        await until(lambda: site.applied[-1][0] == "datachannel")
+        await page.keyboard.up("ArrowLeft")
+        numbers = [command.seq for _, command in site.applied]
+        assert numbers == sorted(set(numbers))
+
+
+async def test_a_reloaded_page_returns_to_its_session(browser, site):
+    async with opened(browser, site, query="?go=1") as page:
+        await driving(page)
+        session = site.said("session/take") and site._lease.session
+        await page.reload()
+        await driving(page)
+        take = site.said("session/take")[-1]
+        assert (take.session, take.takeover, take.peer) == (session, True, None)
+        assert "go=1" not in page.url
+
+
+async def test_a_second_visitor_waits_in_the_queue_and_sees_the_robots_view_meanwhile(browser, site):
+    async with opened(browser, site, query="?go=1") as first, opened(browser, site) as second:
+        await driving(first)
+        await second.wait_for_selector("text=Ana is driving Giraff")
+        await second.click("text=Wait for my turn")
+        await second.wait_for_selector("text=You are next")
+        await second.wait_for_selector("#cockpit[data-playing][data-role=observer]", timeout=40_000)
+        await second.keyboard.press("ArrowUp")
+        await first.wait_for_selector("#waiting:not([hidden])")
+        assert site.said("command/velocity") == []
+
+
+@pytest.mark.parametrize(
+    ("outcome", "title"), [("timed_out", "Your time is up"), ("robot_fault", "The robot has a problem"), ("moved", "You went on in another tab")]
+)
+async def test_every_end_says_what_happened_and_lets_go_of_the_robot(browser, site, outcome, title):
+    async with opened(browser, site, query="?go=1") as page:
+        await driving(page)
+        site.end(outcome)
+        await page.wait_for_selector(f"#card-title:has-text('{title}')")
+        assert await page.is_visible("#card-main")
+        assert await page.is_disabled("#stop")
+        await page.keyboard.down("ArrowUp")
+        await page.keyboard.up("ArrowUp")
+        assert site.said("command/velocity") == []
+
+
+async def test_leaving_asks_first_and_ends_the_visit(browser, site):
+    async with opened(browser, site, query="?go=1") as page:
+        await driving(page)
+        await page.click("#leave")
+        await page.click("text=Keep driving")
+        await page.click("#leave")
+        await page.click("#card-main")
+        await page.wait_for_selector("#card-title:has-text('You have left the robot')")
+        await until(lambda: site.said("session/leave"))
+
+
+async def test_an_offline_robot_is_announced_and_the_page_goes_on_when_it_is_back(browser, site):
+    async with opened(browser, site, query="?go=1") as page:
+        await driving(page)
+        site.online = False
+        site.tell("robot", wire.RobotPresence(online=False))
+        await page.wait_for_selector("#alert[data-word='alert.robot_offline']")
+        site.online = True
+        site.tell("robot", wire.RobotPresence(online=True))
+        await page.wait_for_selector("#alert[hidden]", state="attached")
+        await driving(page)
+
+
+async def test_a_finger_on_the_stick_drives_and_a_lost_touch_stops(browser, site):
+    async with opened(browser, site, UPRIGHT, query="?go=1") as page:
+        await driving(page)
+        box = await page.locator("#stick").bounding_box()
+        assert box is not None
+        x, y = box["x"] + box["width"] / 2, box["y"] + 8
+        touches = await page.context.new_cdp_session(page)
+        await touches.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]})
+        await until(lambda: [c for _, c in site.applied if c.linear > 0.2 and c.method == "stick"])
+        await touches.send("Input.dispatchTouchEvent", {"type": "touchCancel", "touchPoints": []})
+        await until(lambda: stops(site))
+        await until(lambda: site.simulation.motion.linear == 0.0)
+
+
+SEEN = """() => {
+    const over = [document.documentElement.scrollWidth - innerWidth, document.documentElement.scrollHeight - innerHeight];
+    const box = document.getElementById("stop").getBoundingClientRect();
+    const corners = [[box.left + 9, box.top + 9], [box.right - 9, box.bottom - 9], [(box.left + box.right) / 2, (box.top + box.bottom) / 2]];
+    const free = corners.every(([x, y]) => document.elementFromPoint(x, y)?.closest("#stop"));
+    const small = [...document.querySelectorAll("button:not([hidden]), .bar a")]
+      .filter((one) => one.offsetParent && one.getBoundingClientRect().height < 38)
+      .map((one) => one.id || one.textContent.trim());
+    const outside = [...document.querySelectorAll(".stop, .stage, .speed__step:not([hidden]), .bar__button:not([hidden]), .button:not([hidden])")]
+      .filter((one) => one.offsetParent)
+      .map((one) => [one.id || one.textContent.trim(), one.getBoundingClientRect()])
+      .filter(([, r]) => r.left < -1 || r.top < -1 || r.right > innerWidth + 1 || r.bottom > innerHeight + 1)
+      .map(([name]) => name);
+    return { over, free, small, outside };
+}"""
+
+
+@pytest.mark.parametrize("size", [WIDE, UPRIGHT, LOW], ids=["wide", "upright", "low"])
+async def test_on_every_screen_everything_is_in_reach_and_nothing_covers_the_stop_button(browser, site, size):
+    async with opened(browser, site, size) as page:
+        for step in ("lobby", "driving", "leaving", "ended"):
+            if step == "lobby":
+                await page.wait_for_selector("#card-main:visible")
+            elif step == "driving":
+                await page.click("#card-main")
+                await driving(page)
+            elif step == "leaving":
+                await page.click("#leave")
+                await page.wait_for_selector("#card-main:visible")
+            else:
+                site.end("timed_out")
+                await page.click("#card-other")
+                await page.wait_for_selector("#cockpit[data-phase=ended]")
+            assert await page.evaluate(SEEN) == {"over": [0, 0], "free": True, "small": [], "outside": []}, step
+
+
+PLACES = """() => ["viewport", "video", "map-panel", "speed", "stop", "status", "leave"].map((id) => {
+    const { x, y, width, height } = document.getElementById(id).getBoundingClientRect();
+    return [id, x, y, width, height];
+})"""
+
+
+async def test_nothing_moves_on_the_page_when_the_picture_comes(browser, site):
+    site.answers.clear()
+    async with opened(browser, site) as page:
+        await page.click("#card-main")
+        await page.wait_for_selector("#cockpit[data-phase=driving]:not([data-playing]) #card[data-card=link]")
+        before = await page.evaluate(PLACES)
+        site.answers.set()
+        await driving(page)
+        after = await page.evaluate(PLACES)
+        # The pill's words change, its place does not.
+        assert [place[:3] for place in after] == [place[:3] for place in before]
+        assert [place for place in after if place[0] != "status"] == [place for place in before if place[0] != "status"]

@@ -1,0 +1,41 @@
+"""Firefox ESR plays the video, and drives with keys and mouse."""
+
+import pytest
+
+from tests.support.firefox import firefox
+from tests.support.site import LOOPBACK, wait_for
+from tests.support.visitor import SPREAD
+
+pytestmark = pytest.mark.browser
+ARROW_UP = "\ue013"
+# Firefox leaves getVideoPlaybackQuality() at 0 for streams, so frames are counted as they are presented.
+COUNT = """(() => {
+  const video = document.getElementById('video');
+  window.shownFrames = 0;
+  const next = () => { window.shownFrames += 1; video.requestVideoFrameCallback(next); };
+  video.requestVideoFrameCallback(next);
+  return true;
+})()"""
+FLOOR = """(() => {
+  const box = document.getElementById('video').getBoundingClientRect();
+  return [box.left + box.width / 2, box.top + 0.75 * box.height];
+})()"""
+
+
+def test_firefox_plays_the_video_and_drives_with_keys_and_by_a_press_on_the_floor(site):
+    giraff = site.start_robot("giraff", "--start", "lab-before-door")
+    with firefox() as browser:
+        browser.set_cookie("sessionid", site.sign_in("fiona"), LOOPBACK)
+        browser.goto(f"{site.url}/robots/giraff/?go=1")
+        browser.evaluate(COUNT)
+        wait_for(lambda: browser.evaluate("window.shownFrames") > 25, 30, "a moving picture in Firefox")
+        assert browser.evaluate(f"({SPREAD})()") > 8
+        start = giraff.truth()
+        browser.key("keyDown", ARROW_UP)
+        wait_for(lambda: start.y - giraff.truth().y > 0.5, 15, "half a metre")
+        browser.key("keyUp", ARROW_UP)
+        wait_for(lambda: abs(giraff.truth().linear) < 0.01, 5, "a standing robot")
+        assert browser.evaluate("document.getElementById('cockpit').dataset.way") == "datachannel"
+        pressed = giraff.truth()
+        browser.click(*browser.evaluate(FLOOR))
+        wait_for(lambda: pressed.y - giraff.truth().y > 0.3, 15, "a robot that comes to where it was pressed")

@@ -1,0 +1,175 @@
+"""Questionnaires in a real Chromium: desktop and phone, network lost, a reload, conditions, sliders."""
+
+import pytest
+from django.urls import reverse
+from playwright.sync_api import expect, sync_playwright
+
+from surveys.models import Answer, Response
+from surveys.questionnaires import current, store
+from surveys.responses import Context, Respondent, begin
+from tests.support.people import person
+from tests.support.questionnaires import NOW, defined, item, rows
+from tests.support.visitor import chromium
+
+pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
+PHONE, DESKTOP = {"width": 390, "height": 844}, {"width": 1280, "height": 800}
+KINDS = [
+    item("grid", "g", rows=rows("g1", "g2")), item("single", "s"), item("text", "why", show_if={"item": "s", "is": ["c"]}),
+    item("multiple", "m", not_applicable=True), item("slider", "x", step=5), item("number", "n", maximum=5), item("text", "t", prefer_not=True),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def browser():
+    # Playwright's synchronous interface runs an event loop in this thread, which Django takes for asynchronous code.
+    with pytest.MonkeyPatch.context() as patch, sync_playwright() as playwright, chromium(playwright) as browser:
+        patch.setenv("DJANGO_ALLOW_ASYNC_UNSAFE", "1")
+        yield browser
+
+
+@pytest.fixture
+def respondent(browser, live_server, client):
+    """Open a questionnaire as ada; no page may have raised."""
+    opened = []
+
+    def open_(questionnaire, viewport=DESKTOP, **context):
+        user = person()
+        client.force_login(user)
+        page = browser.new_context(base_url=live_server.url, locale="en", viewport=viewport, **context).new_page()
+        page.context.add_cookies([{"name": "sessionid", "value": client.cookies["sessionid"].value, "url": live_server.url}])
+        page.problems = []
+        page.on("pageerror", lambda error: page.problems.append(str(error)))
+        page.on("console", lambda message: page.problems.append(message.text) if "Content Security Policy" in message.text else None)
+        opened.append(page)
+        row = begin(questionnaire, Respondent(user=user), Context(key="c", robot=("giraff",)), language="en", seed=1, now=NOW)
+        page.goto(reverse("survey", args=[row.pk]))
+        return page
+
+    yield open_
+    for page in opened:
+        page.context.close()
+    assert [problem for page in opened for problem in page.problems] == []
+
+
+def stored(page) -> dict:
+    expect(page.locator("[data-status]")).to_have_attribute("data-state", "saved")
+    return {row.item: row.missing or row.value for row in Answer.objects.all()}
+
+
+@pytest.mark.parametrize("slug", ["ict", "experience", "sus", "tlx"])
+@pytest.mark.parametrize("viewport", [PHONE, DESKTOP], ids=["phone", "desktop"])
+def test_no_page_is_wider_than_its_screen_and_every_choice_is_large_enough_for_a_thumb(respondent, slug, viewport):
+    page = respondent(current(slug, NOW), viewport)
+    assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
+    sizes = page.locator(".choice label, .reason label, .slider__range, .survey__foot .button").evaluate_all(
+        "all => all.map(e => e.getBoundingClientRect().height)"
+    )
+    assert sizes
+    assert min(sizes) >= 44
+
+
+def test_every_answer_is_saved_when_it_is_given(respondent):
+    page = respondent(store(defined(KINDS), NOW))
+    page.get_by_role("group", name="Row g1").get_by_label("Yes").check()
+    assert stored(page) == {"g1": 1}
+    page.get_by_role("group", name="Text of m").get_by_label("B").check()
+    page.get_by_role("group", name="Text of m").get_by_label("Does not apply").check()
+    expect(page.get_by_role("group", name="Text of m").get_by_label("B")).not_to_be_checked()
+    page.get_by_label("Text of t").fill("hello")
+    page.get_by_label("Text of t").blur()
+    expect(page.locator("[data-status]")).to_have_text("Saved")
+    page.wait_for_load_state("networkidle")
+    assert stored(page) == {"g1": 1, "m": "not_applicable", "t": "hello"}
+    assert all(seconds > 0 for seconds in Answer.objects.values_list("seconds", flat=True))
+    page.reload()
+    expect(page.get_by_label("Text of t")).to_have_value("hello")
+    expect(page.get_by_role("group", name="Row g1").get_by_label("Yes")).to_be_checked()
+
+
+def test_an_answer_brings_up_the_question_that_depends_on_it_and_clearing_takes_it_away(respondent):
+    page = respondent(store(defined(KINDS), NOW))
+    why = page.get_by_label("Text of why")
+    expect(why).to_be_hidden()
+    page.get_by_role("group", name="Text of s").get_by_label("C").check()
+    expect(why).to_be_visible()
+    page.get_by_role("button", name="Clear : Text of s").click()
+    expect(why).to_be_hidden()
+    page.wait_for_load_state("networkidle")
+    assert stored(page) == {"s": "skipped"}
+
+
+def test_a_slider_is_unanswered_until_it_is_touched_even_in_the_middle(respondent):
+    page = respondent(store(defined(KINDS), NOW))
+    number, rail = page.get_by_label("Text of x"), page.locator(".slider__range")
+    expect(number).to_have_value("")
+    expect(rail).to_have_attribute("data-empty", "")
+    rail.click()
+    expect(number).to_have_value("50")
+    page.wait_for_load_state("networkidle")
+    assert stored(page) == {"x": 50}
+    number.fill("35")
+    number.blur()
+    expect(rail).to_have_js_property("value", "35")
+
+
+def test_an_answer_out_of_range_is_told_where_it_stands(respondent):
+    page = respondent(store(defined(KINDS), NOW))
+    page.get_by_label("Text of n").fill("9")
+    page.get_by_label("Text of n").blur()
+    expect(page.locator("#q-n-error")).to_have_text("The greatest number is 5.")
+    page.get_by_label("Text of n").fill("4")
+    page.get_by_label("Text of n").blur()
+    expect(page.locator("#q-n-error")).to_be_hidden()
+    assert stored(page) == {"n": 4.0}
+
+
+def test_what_is_answered_without_network_is_kept_over_a_reload_and_sent_later(respondent):
+    page = respondent(store(defined(KINDS), NOW))
+    page.route("**/answer/", lambda route: route.abort())
+    page.get_by_role("group", name="Row g2").get_by_label("No").check()
+    expect(page.locator("[data-status]")).to_contain_text("No connection")
+    assert not Answer.objects.exists()
+    page.unroute("**/answer/")
+    page.reload()
+    expect(page.get_by_role("group", name="Row g2").get_by_label("No")).to_be_checked()
+    assert stored(page) == {"g2": -1}
+
+
+def test_without_network_the_page_is_not_lost_to_an_error_page(respondent):
+    page = respondent(store(defined(KINDS), NOW))
+    page.context.set_offline(True)
+    page.get_by_label("Text of t").fill("kept")
+    page.get_by_role("button", name="Send the answers").click()
+    expect(page.locator("[data-status]")).to_contain_text("No connection")
+    expect(page.get_by_label("Text of t")).to_have_value("kept")
+    page.context.set_offline(False)
+    page.get_by_role("button", name="Send the answers").click()
+    expect(page.get_by_role("heading", name="Thank you")).to_be_visible()
+    assert Answer.objects.get(item="t").value == "kept"
+    assert Response.objects.get().finished_at is not None
+
+
+def test_without_javascript_the_same_questionnaire_is_answered(respondent):
+    page = respondent(store(defined(KINDS), NOW), PHONE, java_script_enabled=False)
+    page.get_by_role("group", name="Text of s").get_by_label("C").check()
+    page.get_by_label("Text of x").fill("65")
+    page.get_by_role("button", name="Send the answers").click()
+    expect(page.get_by_text("They lead to more questions")).to_be_visible()
+    page.get_by_label("Text of why").fill("because")
+    page.get_by_role("button", name="Send the answers").click()
+    expect(page.get_by_role("heading", name="Thank you")).to_be_visible()
+    values = {row.item: row.missing or row.value for row in Answer.objects.all()}
+    assert values == {"g1": "skipped", "g2": "skipped", "s": "c", "why": "because", "m": "skipped", "x": 65, "n": "skipped", "t": "skipped"}
+
+
+def test_whoever_was_signed_out_meanwhile_loses_no_answer(respondent):
+    page = respondent(store(defined(KINDS), NOW))
+    cookies = page.context.cookies()
+    page.context.clear_cookies(name="sessionid")
+    page.get_by_role("group", name="Row g1").get_by_label("Yes").check()
+    expect(page.locator("[data-status]")).to_contain_text("You are signed out")
+    assert not Answer.objects.exists()
+    page.context.add_cookies(cookies)
+    page.reload()
+    expect(page.get_by_role("group", name="Row g1").get_by_label("Yes")).to_be_checked()
+    assert stored(page) == {"g1": 1}

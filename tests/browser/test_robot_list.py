@@ -1,0 +1,133 @@
+"""The landing page in a real Chromium: cards change by themselves, and the visitor's menu and forms work by keyboard."""
+
+import pytest
+from django.urls import reverse
+from django.utils import timezone
+from playwright.sync_api import expect, sync_playwright
+
+from accounts.models import User
+from robots.models import Robot
+from sessions.models import Session
+from tests.support.people import PASSWORD, person
+
+pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
+
+
+@pytest.fixture(autouse=True)
+def database_calls_beside_playwrights_loop(monkeypatch):
+    # Playwright's synchronous interface runs an event loop in this thread, which Django takes for asynchronous code.
+    monkeypatch.setenv("DJANGO_ALLOW_ASYNC_UNSAFE", "1")
+
+
+@pytest.fixture
+def page(live_server):
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+        context = browser.new_context(base_url=live_server.url, locale="en", viewport={"width": 390, "height": 844})
+        page = context.new_page()
+        page.problems = []
+        page.on("pageerror", lambda error: page.problems.append(str(error)))
+        page.on("console", lambda message: page.problems.append(message.text) if "Content Security Policy" in message.text else None)
+        yield page
+        browser.close()
+
+
+@pytest.fixture
+def giraff():
+    return Robot.objects.create(name="giraff", title="Giraff", connection="ONLINE", last_seen_at=timezone.now(), report={"battery": {"charge": 0.5}})
+
+
+def later(page, milliseconds: int = 5100) -> None:
+    with page.expect_response("**/robots.json"):
+        page.clock.run_for(milliseconds)
+
+
+def test_a_card_follows_its_robot_without_a_reload(page, giraff):
+    page.clock.install()
+    page.goto("/")
+    card = page.locator("[data-robot=giraff]")
+    expect(card).to_contain_text("Free now")
+    session = Session.objects.create(robot=giraff, visitor=person("driver"), state="driving", live_key="x", queued_at=timezone.now())
+    Robot.objects.update(report={"battery": {"charge": 0.25}})
+    page.evaluate("window.sameDocument = true")
+    later(page)
+    expect(card).to_have_attribute("data-state", "busy")
+    expect(card).to_contain_text("Wait in line")
+    expect(card).to_contain_text("25 %")
+    Session.objects.filter(pk=session.pk).update(state="ended")
+    Robot.objects.update(connection="OFFLINE")
+    later(page)
+    expect(card).to_contain_text("Offline")
+    expect(card.locator("meter")).to_be_hidden()
+    assert page.evaluate("window.sameDocument")
+    assert page.problems == []
+
+
+def test_a_robot_that_comes_appears(page, giraff):
+    page.clock.install()
+    page.goto("/")
+    Robot.objects.create(name="rhodon", title="Rhodon")
+    later(page)
+    expect(page.locator("[data-robot=rhodon]")).to_be_visible()
+
+
+def test_a_lost_connection_is_told_and_taken_back(page, giraff):
+    page.clock.install()
+    page.goto("/")
+    page.route("**/robots.json", lambda route: route.abort())
+    page.clock.run_for(5100)
+    expect(page.get_by_text("The connection is lost.")).to_be_visible()
+    page.unroute("**/robots.json")
+    later(page)
+    expect(page.get_by_text("The connection is lost.")).to_be_hidden()
+
+
+def test_signing_up_takes_the_keyboard_alone(page, giraff):
+    page.goto(f"{reverse('account_signup')}?next={reverse('about')}")
+    page.locator("#id_username").focus()
+    for text in ("ada", "Ada Lovelace", "ada@example.org", PASSWORD):
+        page.keyboard.type(text)
+        page.keyboard.press("Tab")
+    expect(page.get_by_role("button", name="Show the password")).to_be_focused()
+    page.keyboard.press("Enter")
+    expect(page.locator("#id_password1")).to_have_attribute("type", "text")
+    page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("heading", level=1)).to_have_text("What is recorded")
+    assert User.objects.get().shown_name == "Ada Lovelace"
+    assert page.problems == []
+
+
+def test_the_menu_closes_with_escape_and_gives_the_focus_back(page, giraff):
+    person()
+    page.goto(reverse("account_login"))
+    page.fill("#id_login", "ada")
+    page.fill("#id_password", PASSWORD)
+    page.get_by_role("button", name="Log in").click()
+    menu = page.locator("[data-menu] > summary")
+    menu.focus()
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("link", name="Your profile")).to_be_visible()
+    page.keyboard.press("Tab")
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("link", name="Your profile")).to_be_hidden()
+    expect(menu).to_be_focused()
+
+
+@pytest.mark.parametrize("address", ["home", "about", "account_login", "account_signup"])
+def test_a_page_fits_a_phone_and_a_window_at_200_percent(page, giraff, address):
+    for width in (390, 320, 640):  # 640 CSS pixels: a window of 1280 at 200 %
+        page.set_viewport_size({"width": width, "height": 700})
+        page.goto(reverse(address))
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+@pytest.mark.parametrize("address", ["home", "about", "account_login", "account_signup"])
+def test_whatever_a_finger_has_to_hit_is_44_pixels_high(page, giraff, address):
+    page.goto(reverse(address))
+    small = page.evaluate(
+        """() => [...document.querySelectorAll("button, .button, .bar__link, .brand, summary, input:not([type=hidden], [type=checkbox])")]
+            .filter((e) => e.checkVisibility() && e.getBoundingClientRect().height < 43.5)
+            .map((e) => `${e.textContent.trim() || e.name} ${e.getBoundingClientRect().height}`)"""
+    )
+    assert small == []

@@ -1,0 +1,60 @@
+"""A short task from the station and back, with every part real: session manager, robot, picture, photo, page."""
+
+import json
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.support.site import wait_for
+from tests.support.task_study import begin_short_study
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture(scope="module")
+def giraff(site):
+    return site.start_robot("giraff", "--start", "dock", "--seed", "3")
+
+
+def page_events(site) -> list[tuple[str, dict]]:
+    rows = site.rows("SELECT type, data FROM telepresence_sessions_sessionevent WHERE source = 'page' ORDER BY received_at")
+    return [(kind, json.loads(data)) for kind, data in rows]
+
+
+def test_a_participant_backs_out_takes_the_photo_docks_and_is_led_on(site, visitor, giraff):
+    begin_short_study(site, "ana")
+    ana = visitor("ana")
+    page = ana.page
+    page.goto("/studies/short/step/")
+    page.get_by_role("link", name="To the robot").click()
+    page.get_by_role("button", name="Drive Giraff").click()
+    ana.wait_for_picture()
+    cue = page.locator("#task-cue")
+    expect(cue).to_have_text("Drive backwards out of the charging station.", timeout=20_000)
+    expect(page.get_by_role("button", name="Leave the dock")).to_be_visible()  # the page backs out, where the robot may not do it by itself
+    expect(page.locator("#assist")).to_be_hidden()
+
+    page.keyboard.down("ArrowDown")
+    photo = page.get_by_role("region", name="Photo")
+    expect(photo).to_be_visible(timeout=30_000)
+    page.keyboard.up("ArrowDown")
+    photo.get_by_role("button", name="Take photo").click()
+    picture = photo.get_by_alt_text("The photo that you have just taken")
+    expect(picture).to_be_visible(timeout=20_000)
+    wait_for(lambda: picture.evaluate("image => image.complete && image.naturalWidth") > 100, 10, "the picture itself")
+    photo.get_by_role("button", name="Keep").click()
+    expect(photo).to_be_hidden(timeout=40_000)
+    expect(page.locator("#task-stops [data-status=passed]")).to_have_count(1)
+
+    page.keyboard.down("ArrowUp")
+    expect(page.get_by_role("heading", name="Well done!")).to_be_visible(timeout=40_000)
+    page.keyboard.up("ArrowUp")
+    page.get_by_role("button", name="Go on").click()
+    expect(page.get_by_text("Thank you for driving!")).to_be_visible(timeout=40_000)
+
+    told = wait_for(lambda: (events := page_events(site)) and "controller" in dict(events) and events, 10, "the page's record")
+    kinds = dict(told)
+    assert {"first_frame", "layout", "map", "photo_answer", "cue_shown", "controller"} <= kinds.keys()
+    assert kinds["photo_answer"]["choice"] == "keep"
+    shown = [data["word"] for kind, data in told if kind == "cue_shown"]
+    assert next(word for word in shown if word != "cue.wait_for_picture") == "cue.leave_station"  # the picture may be there before the first cue

@@ -1,0 +1,161 @@
+"""Everything at once: the same bytes from the same dataset, wherever it comes from, and sessions behind every number."""
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.analysis.dataset import Dataset
+from experiments.analysis.drawing import as_png, as_svg
+from experiments.analysis.floor import thinned
+from experiments.analysis.folder import write
+from experiments.analysis.metrics import measure_all
+from experiments.analysis.opinions import figure_8a, figure_8b
+from experiments.analysis.places import figure_6, figure_7
+from experiments.analysis.report import analyse, reports
+from experiments.shipped import shipped
+from tests.support.study_dataset import made_up
+
+ROOT = Path(__file__).resolve().parents[3]
+STUDY = shipped()["exploration"]
+ELSEWHERE = """
+import sys
+from pathlib import Path
+from experiments.analysis.folder import read
+from experiments.analysis.report import analyse
+analyse(read(Path(sys.argv[1])), Path(sys.argv[2]))
+"""
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """A dataset, its folder, and the report on it as it was made from memory."""
+    folder = tmp_path_factory.mktemp("study")
+    dataset = made_up(np.random.default_rng(51), 14)
+    sessions = (replace(dataset.sessions[0], excluded="a test drive"), *dataset.sessions[1:])
+    dataset = replace(dataset, sessions=sessions)
+    write(dataset, folder / "dataset")
+    analyse(dataset, folder / "report")
+    return dataset, folder
+
+
+def contents(folder):
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_an_exported_dataset_alone_gives_the_same_bytes_in_another_process(written, tmp_path):
+    _, folder = written
+    settings = tmp_path / "settings"
+    settings.mkdir()
+    (settings / "matplotlibrc").write_text("font.size: 20\naxes.facecolor: red\n")
+    environment = os.environ | {"PYTHONHASHSEED": "7", "MPLCONFIGDIR": str(settings), "TZ": "Asia/Tokyo", "PYTHONPATH": str(ROOT)}
+    subprocess.run([sys.executable, "-c", ELSEWHERE, str(folder / "dataset"), str(tmp_path / "again")], check=True, cwd=ROOT, env=environment)
+    first, second = contents(folder / "report"), contents(tmp_path / "again")
+    assert sorted(first) == sorted(second)
+    assert [name for name in first if first[name] != second[name]] == []
+
+
+def test_the_sums_are_those_of_every_file(written):
+    _, folder = written
+    lines = (folder / "report" / "SHA256SUMS").read_text().splitlines()
+    found = {line.split("  ")[1]: line.split("  ")[0] for line in lines}
+    files = contents(folder / "report")
+    del files["SHA256SUMS"]
+    assert found == {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
+
+
+def test_tables_are_made_with_and_without_excluded_sessions(written):
+    dataset, _ = written
+    every, without = reports(dataset)
+    assert len(every.measured) == len(without.measured) + 1
+    assert dataset.sessions[0].id not in {one.session.id for one in without.measured}
+
+
+def test_every_set_of_sessions_behind_a_number_is_known_and_every_part_of_a_figure_is_in_its_file(written):
+    dataset, folder = written
+    found = json.loads((folder / "report" / "all" / "sources.json").read_text())
+    known = {one.id for one in dataset.sessions}
+    assert all(set(ids) <= known for ids in found["sets"])
+    assert any(place is not None for row in found["tables"]["table-5"] for place in row)
+    for name, parts in found["figures"].items():
+        svg = (folder / "report" / "all" / "figures" / f"{name}.svg").read_text()
+        assert all(f'id="{gid}"' in svg for gid in parts), name
+    assert len(found["figures"]["figure-7"]) == sum(bool(len(one.way)) for one in measure_all(dataset))
+
+
+def test_nothing_in_a_figure_says_when_or_where_it_was_made(written):
+    _, folder = written
+    for path in (folder / "report").rglob("figure-*"):
+        content = path.read_bytes()
+        assert b"Matplotlib v" not in content
+        assert b"CreationDate" not in content
+        assert str(ROOT).encode() not in content
+
+
+@pytest.mark.parametrize("participants", [0, 1])
+def test_reports_on_nobody_and_on_one_are_written(participants, tmp_path):
+    files = analyse(made_up(np.random.default_rng(52), participants), tmp_path)
+    assert all(path.stat().st_size for path in files)
+
+
+def test_a_study_without_plans_robots_and_questionnaires_is_drawn_all_the_same():
+    dataset = made_up(np.random.default_rng(53), 3)
+    (found,) = reports(replace(dataset, plans={}, robots=(), questionnaires=()))
+    assert all(as_svg(one) for one in found.figures)
+    (empty,) = reports(Dataset(STUDY))
+    assert len(empty.tables) == len(found.tables)
+
+
+def test_with_one_robot_alone_there_is_one_panel():
+    dataset = made_up(np.random.default_rng(54), 3)
+    found = figure_7(dataset, measure_all(dataset))
+    assert len(found.figure.axes) == 1
+    assert "(a) Giraff: " in found.figure.axes[0].get_title("left")
+
+
+def test_bars_of_figure_8_are_as_long_as_the_means_and_balances_fill_100_percent():
+    dataset = made_up(np.random.default_rng(55), 12)
+    a, b = figure_8a(dataset), figure_8b(dataset)
+    for at, row in enumerate(a.numbers.rows):
+        bars = [patch for patch in a.figure.axes[0].patches if round(patch.get_y() + patch.get_height() / 2.0) == at]
+        assert sum(bar.get_width() for bar in bars) == pytest.approx(row[2].value)
+    for row in b.numbers.rows:
+        assert row[2].value + row[3].value == pytest.approx(100.0)
+
+
+def test_a_negative_mean_is_drawn_to_the_left():
+    dataset = made_up(np.random.default_rng(56), 6)
+    responses = tuple(replace(one, values=dict.fromkeys(one.values, -2)) if one.questionnaire == "experience" else one for one in dataset.responses)
+    found = figure_8a(replace(dataset, responses=responses))
+    assert found.figure.axes[0].get_xlim() == (-2.0, 2.0)
+    assert as_png(found).startswith(b"\x89PNG")
+
+
+def test_figure_6_has_the_path_of_every_robot():
+    svg = as_svg(figure_6(made_up(np.random.default_rng(57), 1), "office")).decode()
+    assert 'id="path-giraff"' in svg
+    assert 'id="path-rhodon"' in svg
+
+
+def test_a_thinned_way_stays_within_2_centimetres_and_keeps_its_holes():
+    t = np.linspace(0.0, 6.0, 800)
+    way = np.column_stack((t, np.sin(t)))
+    way[400:] += (3.0, 0.0)
+    thin = thinned(way)
+    assert len(thin) < 80
+    assert np.isnan(thin).all(axis=1).sum() == 1
+    assert (thin == way[399]).all(axis=1).any()
+    assert (thin == way[400]).all(axis=1).any()
+    for part, whole in ((thin[thin[:, 0] < 4.0], way[:400]), (thin[thin[:, 0] > 4.0], way[400:])):
+        assert np.abs(np.interp(whole[:, 0], part[:, 0], part[:, 1]) - whole[:, 1]).max() < 0.03
+
+
+def test_a_straight_way_is_one_line_without_a_hole():
+    way = np.column_stack((np.linspace(0.0, 9.0, 100), np.zeros(100)))
+    assert thinned(way).tolist() == [[0.0, 0.0], [9.0, 0.0]]

@@ -1,0 +1,182 @@
+import asyncio
+
+import pytest
+
+from experiments.bots.browser import Browser
+from experiments.bots.cockpit import BEAT, Cockpit
+from experiments.bots.drive import Drive
+from experiments.bots.driver import Driver, Guide
+from experiments.bots.endings import Ending
+from experiments.bots.persona import Persona
+from experiments.bots.socket import SocketClosed
+from experiments.bots.steering import STAND, Speed
+from experiments.bots.view import AT_CENTRE
+from robots.agent.world.sites import load_site
+from robots.api.messages import Heartbeat
+from sessions import wire
+from tests.support.robot_socket import RobotSocket
+
+
+async def at_the_wheel(server):
+    cockpit = Cockpit(Browser(server.url), "/ws/robots/giraff/", "keyboard")
+    await cockpit.connect()
+    cockpit.take()
+    assert await cockpit.until(lambda: cockpit.view.granted and cockpit.view.frames, 5.0)
+    return cockpit
+
+
+async def test_a_bot_that_drives_beats_asks_for_pictures_and_tells_of_the_first_one():
+    async with RobotSocket() as server:
+        cockpit = await at_the_wheel(server)
+        await server.until(lambda: len(server.all("command/heartbeat")) >= 3 and len(server.all("command/picture")) >= 3)
+        assert all(beat["n"] % 2 == 1 for beat in server.all("command/heartbeat"))
+        assert server.all("command/picture")[-1]["seen"] > 1000.0
+        layout, first_frame = server.all("page/event")
+        assert (layout["type"], first_frame["type"]) == ("layout", "first_frame")
+        assert layout["data"]["interface"] == "standard", "the profile that the terms of the visit fix"
+        await cockpit.close()
+
+
+async def test_it_sends_velocities_while_it_holds_the_controller_zeros_when_it_lets_go_and_then_nothing():
+    async with RobotSocket() as server:
+        cockpit = await at_the_wheel(server)
+        assert server.all("command/velocity") == []
+        cockpit.steer(Speed(0.4, 0.1))
+        await server.until(lambda: len(server.all("command/velocity")) >= 3)
+        cockpit.steer(STAND)
+        await server.until(lambda: [one["linear"] for one in server.all("command/velocity")][-3:] == [0.0, 0.0, 0.0])
+        beats = len(server.all("command/heartbeat"))
+        await server.until(lambda: len(server.all("command/heartbeat")) >= beats + 3)
+        sent = server.all("command/velocity")
+        assert [one["linear"] for one in sent].count(0.0) == 3
+        assert [one["seq"] for one in sent] == list(range(1, len(sent) + 1))
+        assert all((one["session"], one["epoch"], one["method"]) == ("s1", 3, "keyboard") for one in sent)
+        assert sent[0]["frame"] > 1000.0
+        await cockpit.close()
+
+
+async def test_it_echoes_the_robots_heartbeat_and_learns_the_round_trip():
+    async with RobotSocket() as server:
+        cockpit = await at_the_wheel(server)
+        await server.until(lambda: server.all("command/heartbeat"))
+        mine = server.all("command/heartbeat")[-1]
+        await server.say("heartbeat", Heartbeat(n=7, stamp=50.0, echoes=({"peer": "p1", "n": mine["n"], "stamp": mine["stamp"], "received": 49.99},)))
+        await server.until(lambda: server.all("command/heartbeat")[-1].get("echo"))
+        assert server.all("command/heartbeat")[-1]["echo"]["n"] == 7
+        assert 0.0 <= cockpit.view.round_trip < 5.0
+        await cockpit.close()
+
+
+async def test_a_page_that_lost_its_network_comes_back_as_itself():
+    async with RobotSocket() as server:
+        cockpit = await at_the_wheel(server)
+        await cockpit.lose_network()
+        await cockpit.come_back()
+        assert await cockpit.until(lambda: cockpit.view.granted, 5.0)
+        assert server.connections == 2
+        assert server.all("session/take") == [{}, {"session": "s1", "peer": "p1"}]
+        await cockpit.close()
+
+
+async def test_a_connection_that_the_server_ends_is_told_with_its_code():
+    async with RobotSocket() as server:
+        cockpit = await at_the_wheel(server)
+        await server.socket.close(wire.REPLACED)
+        assert not await cockpit.until(lambda: cockpit.view.ended, 5.0)
+        assert cockpit.closed == wire.REPLACED
+        await cockpit.close()
+
+
+async def test_nonsense_from_the_server_is_left_alone():
+    async with RobotSocket() as server:
+        cockpit = await at_the_wheel(server)
+        for frame in ("state\n{}", "nothing", "what\n{}", b"picture\nshort", "session/task\n[]"):
+            await server.socket.send(frame)
+        await server.say("session/task", wire.Task(session="s1", stamp=1.0, cue="leave_station", number=1))
+        assert await cockpit.until(lambda: cockpit.view.task.cue == "leave_station", 5.0)
+        await cockpit.close()
+
+
+async def test_who_leaves_the_queue_says_so_and_has_not_driven(monkeypatch):
+    async with RobotSocket(queued=True) as server:
+        drive = Drive(Browser(server.url), {"socket": "/ws/", "robot": "giraff", "floorplan": "/"}, Persona(0, 1), Ending.LEAVES_QUEUE)
+        await drive.cockpit.connect()
+        monkeypatch.setattr("experiments.bots.drive.ASK_AGAIN", 0.3)
+        assert not await drive._wait_for_turn()
+        await server.until(lambda: server.all("session/leave"))
+        assert server.all("command/velocity") == []
+        await drive.cockpit.close()
+
+
+def about_to(server, ending):
+    return Drive(Browser(server.url), {"socket": "/ws/", "robot": "giraff", "floorplan": "/"}, Persona(0, 1), ending)
+
+
+MIDWAY = wire.Task(session="s1", stamp=1.0, passed=(1, 2))
+
+
+async def under_way(drive):
+    await drive.cockpit.connect()
+    drive.cockpit.take()
+    assert await drive.cockpit.until(lambda: drive.view.granted and drive.view.frames, 5.0)
+    drive.view.task = MIDWAY
+    return drive
+
+
+async def test_who_gets_no_connection_says_nothing_that_would_make_one():
+    async with RobotSocket() as server:
+        drive = about_to(server, Ending.GETS_NO_CONNECTION)
+        await drive.cockpit.connect()
+        drive.cockpit.take()
+        assert await drive.cockpit.until(lambda: drive.view.granted, 5.0)
+        await asyncio.sleep(3 * BEAT)
+        assert [suffix for suffix, _ in server.heard] == ["session/take"]
+        await drive.cockpit.close()
+
+
+@pytest.mark.parametrize("ending", [Ending.RELOADS_PAGE, Ending.OPENS_SECOND_PAGE])
+async def test_another_page_takes_the_visit_over_and_knows_nothing_else(ending):
+    async with RobotSocket() as server:
+        drive = await under_way(about_to(server, ending))
+        first = drive.cockpit
+        assert not await drive._ends_its_own_way()
+        assert server.connections == 2
+        assert server.all("session/take")[-1] == {"session": "s1", "takeover": True}
+        assert drive.cockpit is not first
+        assert drive.view.granted
+        drive.view.task = MIDWAY
+        assert not await drive._ends_its_own_way(), "it happens once"
+        assert server.connections == 2
+        await drive.cockpit.close()
+
+
+async def test_who_presses_stop_lets_go_and_the_stop_kills_all_velocities_before_it(monkeypatch):
+    monkeypatch.setattr("experiments.bots.drive.SURPRISE", 0.3)
+    async with RobotSocket() as server:
+        drive = await under_way(about_to(server, Ending.PRESSES_STOP))
+        drive.cockpit.steer(Speed(0.4, 0.0))
+        await server.until(lambda: len(server.all("command/velocity")) >= 2)
+        assert not await drive._ends_its_own_way()
+        (stop,) = server.all("command/action")
+        assert stop["type"] == "stop"
+        assert all(one["linear"] == 0.0 for one in server.all("command/velocity") if one["seq"] > stop["seq"])
+        await drive.cockpit.close()
+
+
+async def test_who_wants_another_photo_keeps_the_second_one():
+    async with RobotSocket() as server:
+        drive = await under_way(about_to(server, Ending.TAKES_PHOTO_AGAIN))
+        driver = Driver(load_site("office").plan, Guide(AT_CENTRE, {}), STAND)
+        for photo in ("one", "one", "two"):
+            drive.view.task = wire.Task(session="s1", stamp=1.0, cue="photo_review", window="review", photo=photo)
+            drive._answer("keep", driver)
+        await server.until(lambda: len([one for one in server.all("page/event") if one["type"] == "photo_answer"]) >= 2)
+        told = [(one["data"]["id"], one["data"]["choice"]) for one in server.all("page/event") if one["type"] == "photo_answer"]
+        assert told == [("one", "again"), ("two", "keep")]
+        await drive.cockpit.close()
+
+
+async def test_a_site_that_is_not_there_is_told():
+    cockpit = Cockpit(Browser("http://127.0.0.1:9"), "/ws/robots/giraff/", "keyboard")
+    with pytest.raises((OSError, SocketClosed)):
+        await cockpit.connect()

@@ -1,0 +1,117 @@
+"""Bots drive whole courses, in a simulated building and against the task engine, without servers."""
+
+import dataclasses
+
+import pytest
+
+from experiments.bots.driver import Driver, Guide
+from experiments.bots.steering import Speed
+from experiments.bots.view import View
+from experiments.course import lay_out
+from experiments.engine import TaskEngine
+from experiments.records import FirstFrame, PhotoAnswer, PhotoTaken, Seen
+from experiments.shipped import shipped
+from robots.agent.simulator.profiles import model_of
+from robots.agent.simulator.simulation import Simulation
+from robots.agent.world.sites import load_site
+from robots.api.geometry import Pose2D
+from robots.api.messages import Scan
+from sessions.wire import Task
+
+STUDY = shipped()["exploration"]
+DT, THINK, STATE, LOOK = 0.05, 2, 5, 10  # s a step; steps between decisions, states and sweeps
+
+
+class Rig:
+    """A bot on a course. The truth stands in for the robot's own localization."""
+
+    def __init__(self, condition, *, skips=False, early=False):
+        self.plan = load_site(condition.site).plan
+        self.model = model_of(condition.robot)
+        self.sim = Simulation(self.model, self.plan, seed=1)
+        self.sim.set_doors(dict.fromkeys(condition.doors_closed, "closed"))
+        self.engine = TaskEngine(lay_out(STUDY, condition, self.plan))
+        track = self.engine.track
+        stops = {stop.number: (stop.x, stop.y) for stop in track.stops}
+        guide = Guide(track.dock, stops, track.photo.stop.number if track.photo is not None else None)
+        fastest = Speed(0.9 * self.model.limits.linear, 0.9 * self.model.limits.angular)
+        self.driver = Driver(self.plan, guide, fastest, skips_photo=skips, docks_early=early)
+        self.view = View(localized=True, laser=Pose2D(self.model.laser.x, 0.0, 0.0))
+        self.now, self.steps, self.photos, self.answers = 0.0, 0, 0, []
+        self.engine.feed(FirstFrame(0.0, "first"))
+
+    def run(self, seconds):
+        while self.now < seconds and self.engine.progress.outcome is None:
+            self.step()
+        return self.engine.result
+
+    def step(self):
+        if self.steps % STATE == 0:
+            pose = self.sim.pose
+            self.engine.feed(Seen(self.now, "boot", self.steps, pose.x, pose.y, pose.theta, docked=self.sim.docked))
+        if self.steps % LOOK == 0:
+            self.look()
+        if self.steps % THINK == 0:
+            self.think()
+        self.sim.step(DT)
+        self.now, self.steps = self.now + DT, self.steps + 1
+
+    def look(self):
+        laser = self.model.laser
+        ranges = tuple(float(r) if r < laser.range_max else None for r in self.sim.scan())
+        self.view.scan_pose = self.sim.pose
+        self.view.scan = Scan(
+            stamp=self.now, angle_min=laser.angle_min, angle_increment=laser.angle_increment, range_max=laser.range_max, ranges=ranges
+        )
+
+    def think(self):
+        cue = self.engine.cue
+        x, y = cue.target or (None, None)
+        self.view.task = Task(session="s", stamp=self.now, cue=cue.key, number=cue.number, x=x, y=y)
+        self.view.pose, self.view.docked = self.sim.pose, self.sim.docked
+        intent = self.driver.decide(self.view, self.now)
+        self.sim.command(intent.speed.linear, intent.speed.angular)
+        if intent.take:
+            self.photos += 1
+            self.engine.feed(PhotoTaken(self.now, f"photo{self.photos}"))
+        if intent.answer and not self.answers:
+            self.answers.append(intent.answer)
+            self.engine.feed(PhotoAnswer(self.now, "answer", intent.answer))
+
+
+@pytest.mark.parametrize("key", [condition.key for condition in STUDY.conditions])
+def test_a_bot_completes_every_condition_of_the_papers_study_without_touching_anything(key):
+    condition = STUDY.condition(key)
+    rig = Rig(condition)
+    result = rig.run(600.0)
+    assert result.outcome == "completed", (rig.now, rig.view.pose, rig.engine.cue, rig.driver.closed, rig.driver.no_way)
+    assert len(result.checkpoints) == 4
+    assert not result.doors_missed
+    assert rig.sim.contacts == 0
+    assert rig.driver.closed <= set(condition.doors_closed)
+    if rig.engine.track.photo is not None:
+        assert result.photo == "kept"
+        assert rig.photos == 1
+
+
+def test_a_bot_that_wants_no_photo_skips_it_and_docks():
+    rig = Rig(STUDY.condition("giraff_open"), skips=True)
+    result = rig.run(600.0)
+    assert (result.outcome, result.photo, rig.photos) == ("completed", "skipped", 0)
+
+
+def test_a_bot_that_docks_too_early_is_told_so_and_drives_the_course_after_all():
+    rig = Rig(STUDY.condition("giraff_open"), early=True)
+    result = rig.run(600.0)
+    assert (result.outcome, len(result.checkpoints)) == ("completed", 4)
+    assert any(event.type == "docked_early" for event in rig.engine.events), {event.type for event in rig.engine.events}
+
+
+def test_a_bot_stands_until_it_is_told_what_to_do_and_where_it_is():
+    rig = Rig(STUDY.condition("giraff_open"))
+    lost = dataclasses.replace(
+        rig.view, localized=False, pose=rig.sim.pose, task=Task(session="s", stamp=0.0, cue="leave_station", number=1, x=2.0, y=1.0)
+    )
+    assert rig.driver.decide(lost, 0.0).speed.is_zero
+    waiting = dataclasses.replace(rig.view, pose=rig.sim.pose, task=Task(session="s", stamp=0.0, cue="wait_for_picture"))
+    assert rig.driver.decide(waiting, 0.0).speed.is_zero

@@ -1,0 +1,122 @@
+import json
+import os
+import subprocess
+import sys
+import time
+from itertools import pairwise
+
+import pytest
+
+from experiments.bots.pace import LATE, PROMPT, SLOWEST, Governor, Pace
+
+RATE = 20.0
+# Waits of every kind, and what each took by the process's own clock; `real` is the computer's.
+WAITS = """
+import asyncio, json, queue, selectors, socket, sys, threading, time
+from django.utils import timezone
+real = sys.modules["sitecustomize"].clocks.real
+def took(wait):
+    begun, truly = time.monotonic(), real()
+    wait()
+    return time.monotonic() - begun, real() - truly
+def get():
+    try: queue.Queue().get(timeout=1.0)
+    except queue.Empty: pass
+async def waits():
+    for _ in range(50): await asyncio.sleep(0.02)
+found = {
+    "sleep": took(lambda: time.sleep(1.0)), "event": took(lambda: threading.Event().wait(1.0)), "queue": took(get),
+    "asyncio": took(lambda: asyncio.run(asyncio.sleep(1.0))), "ticks": took(lambda: asyncio.run(waits())),
+}
+def timer():
+    thread = threading.Timer(1.0, lambda: None)
+    thread.start()
+    thread.join()
+found["thread"] = took(timer)
+print(json.dumps({"waits": found, "unix": time.time(), "django": timezone.now().timestamp(), "monotonic": time.monotonic()}))
+"""
+
+
+def started(pace, code):
+    return subprocess.Popen([sys.executable, "-c", code], env=pace.environment(dict(os.environ)), stdout=subprocess.PIPE, text=True)
+
+
+def test_every_wait_takes_its_time_by_the_quick_clock_and_a_fraction_of_it_in_truth(tmp_path):
+    pace = Pace(tmp_path / "pace")
+    pace.set(RATE)
+    output, _ = started(pace, WAITS).communicate(timeout=60)
+    for name, (quick, real) in json.loads(output)["waits"].items():
+        assert quick >= 0.95, name
+        assert quick / real == pytest.approx(RATE, rel=0.02), name
+
+
+def test_all_processes_agree_what_time_it_is_and_django_with_them(tmp_path):
+    pace = Pace(tmp_path / "pace")
+    pace.set(RATE)
+    clock = "import json, sys, time; r = sys.modules['sitecustomize'].clocks.real; print(json.dumps([r(), time.monotonic(), time.time()]))"
+    (real_a, first, unix_a), (real_b, second, unix_b) = (json.loads(started(pace, clock).communicate(timeout=60)[0]) for _ in range(2))
+    assert second - first == pytest.approx(RATE * (real_b - real_a), rel=0.01)
+    assert unix_b - unix_a == pytest.approx(second - first, abs=0.01)
+    told = json.loads(started(pace, WAITS).communicate(timeout=60)[0])
+    assert told["django"] == pytest.approx(told["unix"], abs=0.5)
+
+
+def test_no_clock_jumps_when_the_pace_changes(tmp_path):
+    now = 100.0
+    pace = Pace(tmp_path / "pace", real=lambda: now, unix=lambda: 5000.0)
+    clocks = started_clocks(pace, lambda: now)
+    seen = [clocks.monotonic()]
+    for rate in (5.0, 1.0, 12.0, 1.0):
+        pace.set(rate)
+        assert clocks.monotonic() == pytest.approx(seen[-1])
+        now += 2.0
+        seen.append(clocks.monotonic())
+    assert [b - a for a, b in pairwise(seen)] == pytest.approx([10.0, 2.0, 24.0, 2.0])
+    assert clocks.unix() == pytest.approx(5000.0 + 38.0)
+
+
+def started_clocks(pace, real):
+    from experiments.bots.fast_time.sitecustomize import Clocks
+
+    clocks = Clocks(str(pace.path))
+    clocks.real = real
+    return clocks
+
+
+def test_this_process_and_others_without_a_pace_go_on_as_ever():
+    assert time.monotonic.__name__ == "monotonic"
+    assert "sitecustomize" not in sys.modules or getattr(sys.modules["sitecustomize"], "clocks", None) is None
+
+
+def test_time_goes_slower_while_answers_are_late_and_never_faster_than_asked_for():
+    governor = Governor(most=8.0)
+    for _ in range(200):
+        governor.decide([PROMPT / 2])
+    assert governor.rate == 8.0
+    assert governor.decide([LATE * 2, PROMPT / 2]) < 8.0
+    for _ in range(200):
+        governor.decide([LATE * 2])
+    assert governor.rate == SLOWEST < 1.0
+
+
+def test_while_nobody_drives_time_goes_as_it_did_for_the_last_who_drove():
+    governor = Governor(most=8.0)
+    for _ in range(10):
+        governor.decide([PROMPT / 2])
+    reached = governor.rate
+    for _ in range(200):
+        governor.decide([])
+    assert 1.0 < governor.rate == reached
+
+
+def test_while_nobody_drives_time_comes_back_to_real_time_and_goes_no_faster():
+    governor = Governor(most=8.0, rate=SLOWEST)
+    for _ in range(200):
+        governor.decide([], lag=PROMPT / 2)
+    assert governor.rate == 1.0
+
+
+def test_time_goes_slower_also_when_whoever_plays_the_bots_is_late():
+    governor = Governor(most=8.0, rate=4.0)
+    assert governor.decide([PROMPT / 2], lag=LATE * 2) < 4.0
+    assert governor.decide([], lag=LATE * 2) < 3.5

@@ -1,0 +1,95 @@
+"""Processes that assign participants at the same instant, on real databases: no cell gets more than another by more than one."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.postgres import running_postgres
+
+ROOT = Path(__file__).resolve().parents[2]
+ROUNDS = 30
+PREPARE = """
+import json, django
+django.setup()
+from django.core.management import call_command
+call_command("migrate", verbosity=0)
+from accounts.models import User
+from tests.support import participants as p
+from tests.support.studies import small_study
+from tests.support.task_session import cabin_robot
+cabin_robot()
+study = p.published(small_study(allocation=allocation))
+users = User.objects.bulk_create(User(username=f"visitor-{n}") for n in range(count))
+print(json.dumps([str(p.comer(study, user).pk) for user in users]))
+"""
+COUNT = """
+import json, django
+django.setup()
+from experiments.models import Participant
+rows = list(Participant.objects.exclude(cell="").values_list("cell", "drawn_as", "stage"))
+print(json.dumps(rows))
+"""
+
+
+@pytest.fixture(params=["sqlite", pytest.param("postgres", marks=pytest.mark.postgres)])
+def database(request, tmp_path) -> Iterator[dict[str, str]]:
+    environment = {**os.environ, "VAR_DIR": str(tmp_path), "HTTP_ONLY": "1", "DJANGO_SETTINGS_MODULE": "tests.settings", "LOG_LEVEL": "WARNING"}
+    environment.pop("DATABASE_URL", None)
+    if request.param == "sqlite":
+        yield environment
+        return
+    with running_postgres() as server:
+        yield {**environment, "DATABASE_URL": server.url}
+
+
+def django(environment: dict[str, str], code: str) -> list:
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def race(environment: dict[str, str], keys: list[str]) -> list[list[str]]:
+    """Two at a time; what each was told."""
+    command = [sys.executable, "-m", "tests.support.cell_racer"]
+    racers = [subprocess.Popen(command, cwd=ROOT, env=environment, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE) for _ in range(2)]
+    try:
+        assert [racer.stdout.readline() for racer in racers] == ["ready\n"] * 2
+        told = []
+        for number in range(0, len(keys), 2):
+            start = time.time() + 0.03
+            for racer, key in zip(racers, keys[number : number + 2], strict=True):
+                racer.stdin.write(f"{start} {key}\n")
+                racer.stdin.flush()
+            told.append([racer.stdout.readline().strip() for racer in racers])
+        return told
+    finally:
+        for racer in racers:
+            racer.stdin.close()
+        for racer in racers:
+            racer.wait(timeout=40)
+
+
+def test_two_who_are_assigned_at_the_same_moment_never_get_the_same_of_two_equal_cells(database):
+    keys = django(database, f"allocation, count = {{}}, {2 * ROUNDS}\n" + PREPARE)
+    told = race(database, keys)
+    rows = django(database, COUNT)
+    assert Counter(cell for cell, _, _ in rows) == {"all_open": ROUNDS, "shut": ROUNDS}
+    assert sorted(int(word.rpartition(":")[2]) for _, word, _ in rows) == list(range(1, 2 * ROUNDS + 1))
+    assert Counter(cell for pair in told for cell in pair) == {"all_open": ROUNDS, "shut": ROUNDS}
+    assert {stage for _, _, stage in rows} == {"under_way"}
+
+
+def test_the_last_place_goes_to_one_and_one_participant_in_two_processes_gets_one_cell(database):
+    keys = django(database, "allocation, count = {'quota': 1}, 4\n" + PREPARE)
+    told = race(database, [keys[0], keys[0], keys[1], keys[2], keys[3], keys[3]])
+    assert told[0][0] == told[0][1]
+    assert sorted(told[1]).count("full") == 1
+    assert told[2] == ["full", "full"]
+    assert len(django(database, COUNT)) == 2

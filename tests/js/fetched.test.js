@@ -1,0 +1,19 @@
+import assert from "node:assert/strict";
+import test from "node:test";
+
+import { fetched } from "../../static/js/lib/fetched.js";
+
+test("a part that did not arrive is fetched again when it is needed again, and kept once it is there", async () => {
+  const answers = [Promise.reject(new TypeError("no network")), Promise.resolve("part")];
+  let fetches = 0;
+  const part = fetched(() => answers[fetches++]);
+  const seen = [];
+  const settle = () => new Promise(setImmediate);
+  part((it) => seen.push(it), () => seen.push("missing"));
+  await settle();
+  part((it) => seen.push(it));
+  await settle();
+  part((it) => seen.push(it));
+  await settle();
+  assert.deepEqual([seen, fetches], [["missing", "part", "part"], 2]);
+});

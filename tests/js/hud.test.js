@@ -1,0 +1,241 @@
+import assert from "node:assert/strict";
+import { readFileSync, readdirSync } from "node:fs";
+import { describe, test } from "node:test";
+
+import { newVisit } from "../../static/js/connection/session.js";
+import { alertFor } from "../../static/js/hud/alert.js";
+import { cardFor } from "../../static/js/hud/card.js";
+import { clockTime, contains, roomAt } from "../../static/js/hud/dials.js";
+import { statusFor } from "../../static/js/hud/status.js";
+import { createWords } from "../../static/js/lib/words.js";
+import { createStore, newState } from "../../static/js/state.js";
+
+const TEMPLATE = readFileSync(new URL("../../templates/sessions/_words.html", import.meta.url), "utf8");
+const SENTENCES = new Map(Array.from(TEMPLATE.matchAll(/data-word="([^"]+)">(.*)<\/p>/g), ([, key, sentence]) => [key, sentence]));
+const ROOT = new URL("../../static/js/", import.meta.url);
+
+const state = (visit = {}, more = {}) => ({ ...newState(), ...more, visit: { ...newVisit(), socket: "open", online: true, mayDrive: true, mayObserve: true, ...visit } });
+const ROBOT = { safety: { estop: false, inhibited: null, collision: false } };
+const PHASES = ["connecting", "lobby", "taking", "queued", "turn", "driving", "watching", "elsewhere"];
+const REFUSED = ["offline", "disabled", "not_invited", "not_trained", "observers_full", "not_allowed", "paused"];
+const ENDED = ["completed", "timed_out", "connection_refused", "cancelled", "stopped_by_operator", "robot_fault", "connection_lost", "moved", "left", "turn_missed", "idle"];
+const CLOSED = ["signed_out", "not_allowed", "no_such_robot", "unsupported", "in_app"];
+
+const everyState = () => [
+  ...PHASES.flatMap((phase) => ["none", "connecting", "live", "lost"].flatMap((link) => [state({ phase, link }), state({ phase, link, socket: "lost" }), state({ phase, link, online: false })])),
+  state({ phase: "queued", place: 1 }),
+  state({ phase: "queued", place: 3 }),
+  state({ phase: "lobby", liveElsewhere: true }),
+  state({ phase: "lobby", mayDrive: false }),
+  state({ phase: "lobby", mayDrive: false, mayObserve: false }),
+  state({ phase: "lobby" }, { room: { driver: "Ana", driving: true, observers: 0, waiting: 0 } }),
+  state({ phase: "lobby" }, { room: { driver: null, driving: true, observers: 0, waiting: 0 } }),
+  state({ phase: "driving" }, { leaving: true }),
+  state({ phase: "driving", link: "live", askedUntil: 20 }, { leaving: true, playing: true, now: 5 }),
+  state({ phase: "queued", place: 2 }, { notifiable: true }),
+  ...["off", "starting", "on"].map((practice) => state({ phase: "queued", place: 2 }, { practice, notifiable: true })),
+  ...["driving", "watching"].flatMap((phase) => ["connecting", "lost"].map((link) => state({ phase, link }, { slow: true, playing: true, robot: ROBOT }))),
+  ...REFUSED.map((reason) => state({ phase: "refused", reason })),
+  ...ENDED.map((reason) => state({ phase: "ended", reason })),
+  ...CLOSED.map((reason) => state({ phase: "closed", reason })),
+];
+
+describe("cards", () => {
+  test("every state that the page can be in has its words, and every button as well", () => {
+    for (const one of everyState()) {
+      const card = cardFor(one);
+      const keys = card ? [`${card.word}.title`, `${card.word}.text`, card.main?.word, card.extra?.word, card.other?.word] : [];
+      assert.deepEqual(keys.filter((key) => key && !SENTENCES.has(key)), [], JSON.stringify(one.visit));
+      assert.ok(SENTENCES.has(statusFor(one).word));
+      assert.ok(!alertFor(one) || SENTENCES.has(alertFor(one).word));
+    }
+  });
+
+  test("a page that does nothing by itself always offers a way on", () => {
+    for (const one of everyState()) {
+      const card = cardFor(one);
+      assert.ok(!card || card.busy || card.main || card.other, JSON.stringify(one.visit));
+    }
+  });
+
+  test("while the picture is there, nothing lies over it; a lost link has its line and not a card", () => {
+    assert.equal(cardFor(state({ phase: "driving", link: "live" }, { playing: true })), null);
+    const lost = state({ phase: "driving", link: "lost" });
+    assert.equal(cardFor(lost), null);
+    assert.equal(alertFor(lost).word, "alert.link_driver");
+  });
+
+  test("an unknown outcome of a newer server still ends in a card with a way home", () => {
+    const card = cardFor(state({ phase: "ended", reason: "abducted" }));
+    assert.deepEqual([card.word, card.main.action], ["ended.completed", "home"]);
+  });
+
+  test("whoever is asked to give a sign has one button for it and sees how long the robot waits", () => {
+    const card = cardFor(state({ phase: "driving", link: "live", askedUntil: 130 }, { now: 100.2, playing: true }));
+    assert.deepEqual(card, { word: "idle", countdown: 30, main: { action: "here", word: "do.here" } });
+  });
+
+  test("whoever waits may ask to be told, as long as the browser can still ask them to allow it", () => {
+    const waits = (notifiable) => cardFor(state({ phase: "queued", place: 2 }, { notifiable })).main?.action;
+    assert.deepEqual([waits(true), waits(false)], ["tell_me", undefined]);
+  });
+
+  test("whoever waits may practise where there is a robot for it, and sees that one is being made ready", () => {
+    const card = (practice) => cardFor(state({ phase: "queued", place: 2 }, { practice, notifiable: true }));
+    assert.deepEqual([card("off").main.action, card("off").extra.action, card("none").main.action], ["practise", "tell_me", "tell_me"]);
+    assert.deepEqual([card("starting").busy, card("starting").detail.word, card("starting").main], [true, "practice.starting", undefined]);
+  });
+
+  test("a robot that somebody drives is in use, and says which place one would have", () => {
+    const one = state({ phase: "lobby" }, { room: { driver: "Ana", driving: true, observers: 0, waiting: 2 } });
+    assert.deepEqual([statusFor(one).word, cardFor(one).values.place], ["status.busy", 3]);
+    assert.equal(statusFor(state({ phase: "lobby" })).word, "status.ready");
+    for (const phase of ["queued", "turn"]) {
+      assert.equal(statusFor({ ...state({ phase, link: "live", online: true, socket: "open" }), playing: true }).word, "status.waiting", "also while they watch");
+    }
+  });
+
+  test("a turn counts down to zero and not beyond", () => {
+    assert.equal(cardFor(state({ phase: "turn", startBy: 130 }, { now: 100.2 })).countdown, 30);
+    assert.equal(cardFor(state({ phase: "turn", startBy: 130 }, { now: 140 })).countdown, 0);
+  });
+});
+
+describe("alerts", () => {
+  test("an unconfirmed stop is said before everything else", () => {
+    const one = state({ phase: "driving", link: "lost", online: false }, { stopUnconfirmed: true });
+    assert.deepEqual(alertFor(one), { word: "alert.stop_unconfirmed", tone: "danger" });
+  });
+
+  test("a latched e-stop, a fault and a contact are said to whoever drives or watches", () => {
+    const say = (safety) => alertFor(state({ phase: "watching", link: "live" }, { robot: { safety: { ...ROBOT.safety, ...safety } } }))?.word;
+    assert.equal(say({ estop: true }), "alert.estop");
+    assert.equal(say({ inhibited: "fault" }), "alert.fault");
+    assert.equal(say({ collision: true }), "alert.collision");
+    assert.equal(say({}), undefined);
+  });
+
+  test("a lost server does not alarm whoever drives over a living link", () => {
+    assert.equal(alertFor(state({ phase: "driving", link: "live", socket: "lost" })).word, "alert.server_only");
+  });
+
+  test("a robot that talks to the page is not called lost because the server has lost it", () => {
+    assert.equal(alertFor(state({ phase: "driving", link: "live", online: false })).word, "alert.server_only");
+    assert.equal(alertFor(state({ phase: "driving", link: "lost", online: false })).word, "alert.robot_offline");
+    assert.equal(alertFor(state({ phase: "driving", link: "lost", online: false, serverBlind: true })).word, "alert.server");
+  });
+
+  test("the end of the turn is counted in minutes and seconds", () => {
+    const one = state({ phase: "driving", link: "live", turnEnds: 175 }, { now: 100, robot: ROBOT });
+    assert.deepEqual(alertFor(one).values, { time: "1:15" });
+  });
+});
+
+describe("words", () => {
+  test("counts choose their form by the language", () => {
+    const words = createWords(new Map([["w.one", "{n} Gast"], ["w.other", "{n} Gäste"]]), "de");
+    assert.deepEqual([words.say("w", { n: 1 }), words.say("w", { n: 3 })], ["1 Gast", "3 Gäste"]);
+  });
+
+  test("a name in braces that is not given stays as it is, and a value is not read as a pattern", () => {
+    const words = createWords(new Map([["w", "{a} {b}"]]), "en");
+    assert.equal(words.say("w", { a: "$&{b}" }), "$&{b} {b}");
+  });
+
+  test("no sentence is longer than twenty words or speaks of protocols", () => {
+    for (const [key, sentence] of SENTENCES) {
+      const said = sentence.replace(/\{%.*?%\}/g, (tag) => tag.match(/"(.*)"/)?.[1] ?? "").replace(/\{\{.*?\}\}/g, "robot");
+      assert.ok(said.split(/\s+/).length <= 20, key);
+      assert.ok(!/\b(?:WebRTC|MQTT|ICE|sessions?|leases?|WebSocket|epoch)\b/i.test(said), key);
+    }
+  });
+});
+
+describe("dials", () => {
+  const L = [[0, 0], [4, 0], [4, 1], [1, 1], [1, 3], [0, 3]];
+
+  test("a point is in a room of any shape or it is not", () => {
+    assert.deepEqual([contains(L, 0.5, 2), contains(L, 3, 0.5), contains(L, 3, 2), contains(L, -1, 1)], [true, true, false, false]);
+    assert.equal(roomAt({ rooms: [{ title: "Hall", polygon: L }] }, { x: 3, y: 0.5 }), "Hall");
+    assert.equal(roomAt(null, { x: 0, y: 0 }), "");
+  });
+
+  test("time is minutes and seconds", () => {
+    assert.deepEqual([clockTime(0), clockTime(65.9), clockTime(3600)], ["0:00", "1:05", "60:00"]);
+  });
+});
+
+describe("store", () => {
+  test("changes are merged and told once a frame", () => {
+    const frames = [];
+    const store = createStore(newState(), (callback) => frames.push(callback));
+    const told = [];
+    store.subscribe(({ sound, notice }) => told.push([sound, notice]));
+    store.update({ sound: true });
+    store.update({ notice: "hi" });
+    assert.equal(frames.length, 1);
+    frames[0]();
+    assert.deepEqual(told, [[true, "hi"]]);
+  });
+});
+
+describe("modules", () => {
+  const files = readdirSync(ROOT, { recursive: true }).filter((name) => name.endsWith(".js") && !/^(pages|survey|admin|live|replay|screen|boot|waiting|check|technical)/.test(name));
+  const source = (name) => readFileSync(new URL(name, ROOT), "utf8");
+
+  test("every import is relative and ends in a semicolon on its line, because hashed file names are only written into such", () => {
+    for (const name of files) {
+      for (const [statement] of source(name).matchAll(/^import .*$|^export .* from .*$/gm)) {
+        assert.match(statement, /^(?:import|export) .* from ["']\.\.?\/[\w./]+\.js["'];$/, `${name}: ${statement}`);
+      }
+    }
+  });
+
+  test("no sentence for the visitor stands in a module", () => {
+    for (const name of files) {
+      assert.ok(!/textContent = ["'`]|innerHTML|alert\(|confirm\(/.test(source(name)), name);
+    }
+  });
+
+  test("the page asks at once for every module but those that are fetched when needed, and for no other", () => {
+    const template = readFileSync(new URL("../../templates/sessions/_modules.html", import.meta.url), "utf8");
+    const preloaded = Array.from(template.matchAll(/static 'js\/([^']+)'/g), ([, name]) => name);
+    const reached = new Set(["console.js"]);
+    for (const name of reached) {
+      for (const [, target] of source(name).matchAll(/^(?:import|export) .* from ["'](.+)["'];$/gm)) {
+        reached.add(new URL(target, new URL(name, "file:///")).pathname.slice(1));
+      }
+    }
+    assert.deepEqual([...preloaded, "console.js"].sort(), [...reached].sort());
+  });
+
+});
+
+describe("a picture that comes through the server", () => {
+  const slow = (link, more = {}) => state({ phase: "driving", link }, { slow: true, playing: true, robot: ROBOT, ...more });
+
+  test("is marked in the bar and over the picture, whatever becomes of the direct way", () => {
+    for (const link of ["connecting", "lost"]) {
+      assert.deepEqual(statusFor(slow(link)), { word: "status.slow", tone: "slow" });
+      assert.equal(alertFor(slow(link)).word, "alert.slow_picture");
+      assert.equal(cardFor(slow(link)), null);
+    }
+  });
+
+  test("gives way to what is more urgent, and keeps its mark in the bar", () => {
+    const touching = slow("lost", { robot: { safety: { ...ROBOT.safety, collision: true } } });
+    assert.equal(alertFor(touching).word, "alert.collision");
+    assert.equal(statusFor(touching).word, "status.slow");
+  });
+
+  test("is not called slow when it does not come at all", () => {
+    const stuck = slow("lost", { playing: false });
+    assert.equal(alertFor(stuck).word, "alert.link_driver");
+    assert.equal(statusFor(stuck).word, "status.reconnecting");
+  });
+
+  test("does not tell a watcher to drive gently", () => {
+    const watching = state({ phase: "watching", link: "lost" }, { slow: true, playing: true, robot: ROBOT });
+    assert.equal(alertFor(watching).word, "alert.slow_picture_observer");
+  });
+});

@@ -1,0 +1,208 @@
+"""The small parts of autonomy: whereabouts, guard, and the wire between control loop and mind."""
+
+import math
+import socket
+import threading
+
+import numpy as np
+import pytest
+from hypothesis import given, seed
+from hypothesis import strategies as st
+
+from robots.agent import framing
+from robots.agent.adapters.contract import NOWHERE, ActionProgress
+from robots.agent.autonomy import wire
+from robots.agent.autonomy.__main__ import Conversation, frames, serve
+from robots.agent.autonomy.area import update_of
+from robots.agent.autonomy.guard import Guard
+from robots.agent.autonomy.perception import Body, Perception, Thought, beams_of
+from robots.agent.autonomy.whereabouts import STALE, Whereabouts
+from robots.agent.motion import ZERO
+from robots.agent.simulator.profiles import model_of
+from robots.agent.world.sensing import Beams
+from robots.agent.world.sites import load_site
+from robots.api.geometry import Pose2D
+from robots.api.messages import Goto, Laser, Scan, Velocity
+
+GIRAFF = model_of("giraff")
+AHEAD = Velocity(linear=0.5, angular=0.0)
+COVARIANCE = (0.01, 0.0, 0.0, 0.01, 0.0, 0.001)
+
+
+def thought(**fields):
+    values = {
+        "pose": Pose2D(2.0, 3.0, 1.0),
+        "odometry": Pose2D(10.0, -4.0, 0.5),
+        "stamp": 5.0,
+        "covariance": COVARIANCE,
+        "score": 0.9,
+        "localized": True,
+    } | fields
+    return Thought(**values)
+
+
+def wall(distance, stamp=1.0):
+    """A sweep of a laser in the robot's centre that sees a wall `distance` ahead."""
+    angles = np.linspace(-1.0, 1.0, 81)
+    return Beams(stamp, -1.0, 2.0 / 80, 10.0, distance / np.cos(angles))
+
+
+# --- whereabouts -----------------------------------------------------------------------------------------------------------
+
+
+def test_before_the_first_thought_nobody_knows_anything():
+    assert Whereabouts().pose(Pose2D(1.0, 2.0, 3.0), 0.0) == NOWHERE
+
+
+@seed(5)
+@given(st.tuples(*[st.floats(-50.0, 50.0)] * 2, st.floats(-3.0, 3.0)), st.tuples(*[st.floats(-1.0, 1.0)] * 3))
+def test_between_two_thoughts_the_pose_moves_as_the_odometry_does(before, way):
+    there = Whereabouts()
+    odometry, step = Pose2D(*before), Pose2D(*way)
+    there.take(thought(odometry=odometry), 0.0)
+    expected = Pose2D(2.0, 3.0, 1.0).compose(step)
+    found = there.pose(odometry.compose(step), 0.1)
+    assert math.hypot(found.x - expected.x, found.y - expected.y) < 1e-6
+    assert math.cos(found.theta - expected.theta) > 1.0 - 1e-9
+    assert found.localized
+    assert found.score == 0.9
+
+
+def test_a_pose_that_no_thought_confirms_is_no_localization():
+    there = Whereabouts()
+    there.take(thought(), 0.0)
+    late = there.pose(Pose2D(10.0, -4.0, 0.5), STALE + 0.1)
+    assert (late.localized, late.score) == (False, 0.0)
+    assert (late.x, late.y) == pytest.approx((2.0, 3.0))
+
+
+def test_variances_without_end_fit_on_the_wire():
+    there = Whereabouts()
+    there.take(thought(covariance=(math.inf,) * 6, localized=False, score=1.5), 0.0)
+    pose = there.pose(Pose2D(0.0, 0.0, 0.0), 0.0)
+    assert all(math.isfinite(value) for value in pose.covariance)
+    assert pose.score == 1.0
+
+
+# --- guard -------------------------------------------------------------------------------------------------------------------
+
+
+def guard(level="slow"):
+    made = Guard(GIRAFF.footprint, GIRAFF.limits)
+    made.level = level
+    return made
+
+
+def test_a_guard_that_never_saw_anything_is_blind_and_says_so_for_a_moment():
+    watch = guard()
+    assert watch.shape(AHEAD, 1.0).velocity == ZERO
+    assert watch.why(1.1)[0] == "blind"
+    assert watch.why(2.0) == ("", None)
+    assert watch.clearance() is None
+    assert watch.points().shape == (0, 2)
+
+
+def test_a_guard_knows_a_wall_and_stops_before_it_but_not_when_it_is_far():
+    watch = guard()
+    watch.sense(1.0, Pose2D(0.0, 0.0, 0.0), wall(0.4), 1.0)
+    assert watch.clearance() == pytest.approx(0.08, abs=0.02)
+    assert watch.shape(AHEAD, 1.1).velocity.linear < 0.02
+    why, point = watch.why(1.1)
+    assert why == "stop"
+    assert point[0] == pytest.approx(0.4, abs=0.02)
+    far = guard()
+    far.sense(1.0, Pose2D(0.0, 0.0, 0.0), wall(3.9), 1.0)
+    far.leave(AHEAD)
+    assert far.shape(AHEAD, 1.1).velocity == AHEAD
+    assert far.why(1.1) == ("", None)
+
+
+def test_what_is_told_without_assistance_is_remembered_as_told():
+    watch = guard()
+    watch.leave(AHEAD)
+    assert (watch.told, watch.steered) == (AHEAD, 0.0)
+
+
+def test_a_scans_gaps_are_places_where_nothing_came_back():
+    scan = Scan(stamp=2.0, angle_min=-1.0, angle_increment=0.5, range_max=8.0, ranges=(1.0, None, 3.0))
+    beams = beams_of(scan, Laser(x=0.2, y=0.1, theta=0.3))
+    assert beams.ranges.tolist() == [1.0, math.inf, 3.0]
+    assert beams.mount == Pose2D(0.2, 0.1, 0.3)
+
+
+# --- the wire ------------------------------------------------------------------------------------------------------------------
+
+
+def moment(**fields):
+    values = {"stamp": 1.0, "odometry": Pose2D(1.0, 2.0, 0.3), "velocity": AHEAD, "beams": wall(1.5), "points": np.array([[1.0, 2.0], [3.0, 4.0]])}
+    return Perception(**values | fields)
+
+
+def test_a_perception_survives_the_wire():
+    sent = moment(docked=True)
+    message = frames(bytearray(framing.pack(wire.perceive(sent, new=True))))[0]
+    got = wire.perceived(message, wire.beams_in(message.sweep))
+    assert (got.stamp, got.odometry, got.velocity, got.docked) == (sent.stamp, sent.odometry, sent.velocity, True)
+    assert np.allclose(got.points, sent.points)
+    assert np.allclose(got.beams.ranges, sent.beams.ranges, atol=1e-5)
+    assert wire.perceive(sent, new=False).sweep is None
+
+
+def test_a_thought_survives_the_wire():
+    sent = thought(wanted=AHEAD, news=(ActionProgress("a", "RUNNING", "slow", {"progress": 0.5}),), path=((0.0, 1.0),))
+    assert wire.unpack_answer(framing.pack(wire.Thinks(sent))[framing.HEADER :]) == wire.Thinks(sent)
+
+
+def test_what_is_no_message_is_refused():
+    with pytest.raises(framing.WireError):
+        frames(bytearray(b"\x00\x00\x00\x02{}"))
+    with pytest.raises(framing.WireError):
+        frames(bytearray(b"\xff\xff\xff\xff"))
+    with pytest.raises(framing.WireError):
+        wire.unpack_answer(b"\x01")
+    broken = wire.Perceive(1.0, Pose2D(0.0, 0.0, 0.0), AHEAD, docked=False, sweep=None, points=b"123")
+    with pytest.raises(framing.WireError):
+        wire.perceived(broken, None)
+
+
+def test_half_a_message_waits_for_its_other_half():
+    data = framing.pack(wire.Drop("a"))
+    buffer = bytearray(data[:5])
+    assert frames(buffer) == []
+    buffer += data[5:] + data
+    assert frames(buffer) == [wire.Drop("a"), wire.Drop("a")]
+    assert not buffer
+
+
+def settle():
+    return wire.Settle(Body("giraff", GIRAFF.footprint, GIRAFF.limits), update_of(load_site("office")), 1)
+
+
+def test_a_mind_that_fell_behind_thinks_once_of_the_newest_moment():
+    said = []
+    conversation = Conversation(said.append)
+    conversation.take([settle()])
+    conversation.take([wire.perceive(moment(stamp=float(n)), new=n == 1) for n in range(1, 6)])
+    assert [type(word) for word in said] == [wire.Settled, wire.Thinks]
+    assert said[0].problem == ""
+    assert said[1].thought.stamp == 5.0
+
+
+def test_a_mind_without_a_map_says_so_and_takes_no_harm():
+    said = []
+    conversation = Conversation(said.append)
+    conversation.take([wire.perceive(moment(), new=True), wire.Drop("a"), wire.Order(7, Goto(action_id="g", stamp=0.0, x=0.0, y=0.0))])
+    assert said == [wire.Answer(7, "no map")]
+
+
+def test_a_mind_serves_its_socket_until_that_is_closed():
+    here, there = socket.socketpair()
+    thread = threading.Thread(target=serve, args=(there,))
+    thread.start()
+    here.sendall(framing.pack(settle()))
+    size = int.from_bytes(here.recv(framing.HEADER), "big")
+    assert wire.unpack_answer(here.recv(size)) == wire.Settled()
+    here.close()
+    thread.join(10.0)
+    assert not thread.is_alive()
+    there.close()

@@ -1,0 +1,41 @@
+"""What names a device."""
+
+import pytest
+
+from robots.agent.devices.words import DeviceWords, DeviceWordsError, read
+
+
+@pytest.mark.parametrize("words", ["", "none", "  none "])
+def test_no_device_is_one_too(words):
+    assert read(words, "camera") is None
+
+
+def test_a_camera_of_linux_is_known_by_its_file_and_may_be_told_what_ffmpeg_knows():
+    found = read("/dev/video2 video_size=1280x720 input_format=mjpeg", "camera")
+    assert (found.format, found.address, found.live) == ("v4l2", "/dev/video2", True)
+    assert found.options == {"ts": "abs", "video_size": "1280x720", "framerate": "30", "input_format": "mjpeg"}
+
+
+def test_an_address_of_the_network_keeps_its_colons_and_its_query():
+    found = read("rtsp://user:word@10.0.0.4:554/live?channel=1 rtsp_transport=udp", "camera")
+    assert (found.format, found.address, found.live) == ("", "rtsp://user:word@10.0.0.4:554/live?channel=1", True)
+    assert found.options["rtsp_transport"] == "udp"
+
+
+def test_names_with_blanks_and_colons_are_the_devices_own():
+    assert read("dshow:video=USB Camera", "camera") == DeviceWords("video=USB Camera", "dshow")
+    assert read(r"C:\films\a talk.mp4", "camera") == DeviceWords(r"C:\films\a talk.mp4", live=False)
+    assert read("alsa:hw:1,0", "microphone") == DeviceWords("hw:1,0", "alsa")
+
+
+def test_what_is_played_and_what_is_drawn_is_not_live():
+    assert not read("talk.mp4", "microphone").live
+    assert not read("lavfi:testsrc=size=320x240", "camera").live
+
+
+@pytest.mark.parametrize(
+    ("words", "kind"), [("v4l2:", "camera"), ("alsa: channels=1", "microphone"), ("talk.mp4", "loudspeaker"), ("v4l2:/dev/video0", "loudspeaker")]
+)
+def test_what_cannot_be_is_said_in_a_sentence(words, kind):
+    with pytest.raises(DeviceWordsError, match=f"the {kind} "):
+        read(words, kind)

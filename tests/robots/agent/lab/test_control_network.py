@@ -1,0 +1,169 @@
+"""A worse network for the driver's commands, in the control loop as it is: held, lost, reported; and what never is."""
+
+import statistics
+import time
+
+import pytest
+
+from robots.agent.lab.in_force import Networks
+from robots.agent.motion import ZERO
+from robots.api import messages as m
+from tests.support.control_rig import ControlRig
+
+DELAY = 0.12
+
+
+@pytest.fixture
+def rig(tmp_path):
+    with ControlRig(tmp_path) as rig:
+        yield rig
+
+
+def configure(rig, lab, session="s1", **fields):
+    rig.link.say("config", m.Config(stamp=time.time(), control_network=lab, network_session=session, **fields))
+
+
+def impaired(rig, lab):
+    """A driver with this network; an age limit that leaves room for a slow machine."""
+    rig.grant(limits=m.LeaseLimits(command_age=1.0))
+    configure(rig, lab)
+    rig.link.wait("state", lambda s: s.control_network is not None and s.control_network.lab == lab)
+
+
+def own(kind, action_id, **fields):
+    return kind(action_id=action_id, stamp=time.time(), session="s1", epoch=1, **fields)
+
+
+@pytest.mark.parametrize("way", ["datachannel", "mqtt"])
+def test_commands_are_older_by_the_delay_when_they_reach_the_wheels_on_either_way(rig, way):
+    impaired(rig, m.NetworkLab(delay=DELAY, jitter=0.02, seed=1))
+    rig.drive(0.5, way=way, until=lambda: sum(len(s.applied) for s in rig.link.all("state")) > 20)
+    ages = [c.age for s in rig.link.all("state") for c in s.applied if c.linear > 0.0]
+    assert min(ages) > DELAY - 0.02 - 0.03, "no command overtakes the network"
+    assert DELAY - 0.03 < statistics.median(ages) < DELAY + 0.2
+    report = rig.link.all("state")[-1].control_network
+    assert report.taken >= len(ages)
+    assert report.held > DELAY - 0.03
+
+
+def test_a_clean_network_holds_nothing(rig):
+    rig.grant()
+    rig.drive(0.5)
+    assert all(s.control_network is None and s.video_network is None for s in rig.link.all("state"))
+
+
+@pytest.mark.parametrize("lab", [m.NetworkLab(loss=1.0), m.NetworkLab(delay=10.0)])
+@pytest.mark.parametrize("way", ["datachannel", "mqtt"])
+@pytest.mark.parametrize("kind", [m.Stop, m.EStop])
+def test_stop_and_e_stop_are_obeyed_at_once_whatever_the_network(tmp_path, lab, way, kind):
+    with ControlRig(tmp_path) as rig:
+        rig.grant()
+        rig.drive(0.5)
+        configure(rig, lab)
+        rig.link.wait("state", lambda s: s.control_network is not None)
+        rig.act(own(kind, "halt"), way=way)
+        rig.wait(lambda: rig.robot.told == ZERO)
+        rig.status("halt", "FINISHED")
+        assert rig.link.wait("state", lambda s: s.safety.stop_id == "halt" or s.safety.estop).control_network is not None
+
+
+def test_a_lost_network_lets_no_command_through_while_the_heartbeat_keeps_the_driver_present(rig):
+    impaired(rig, m.NetworkLab(loss=1.0))
+    since = rig.link.count
+    for _ in range(10):
+        rig.push(0.5)
+        rig.beat()
+    rig.act(own(m.Tilt, "look", angle=0.2), way="datachannel")
+    report = rig.link.wait("state", lambda s: s.control_network is not None and s.control_network.lost >= 11, since=since)
+    assert report.visitor_silence < 1.0 * 4
+    assert not any(c.linear for s in rig.link.all("state") for c in s.applied)
+    assert rig.robot.told == ZERO
+    assert not [a for a in rig.link.all("action") if a.action_id == "look"]
+
+
+def test_the_round_trip_is_measured_beside_the_lab_so_that_ages_stay_right(rig):
+    impaired(rig, m.NetworkLab(delay=0.5))
+    rig.know_clock()
+    assert rig.kernel.clocks.of("p1").round_trip < 0.5
+
+
+def test_a_command_that_the_network_has_made_too_old_is_refused_as_ever(rig):
+    rig.grant()  # the robot's own limit: 250 ms
+    configure(rig, m.NetworkLab(delay=0.4))
+    rig.link.wait("state", lambda s: s.control_network is not None)
+    for _ in range(5):
+        rig.push(0.5)
+    rig.link.wait("state", lambda s: s.refused.get("stale", 0) > 0)
+    assert rig.robot.told == ZERO
+
+
+def test_what_was_under_way_when_the_driver_stopped_moves_nothing_any_more(rig):
+    impaired(rig, m.NetworkLab(delay=0.3))
+    for _ in range(4):
+        rig.push(0.5)
+    rig.act(own(m.Stop, "stop-1", seq=rig.seq + 1), way="datachannel")
+    rig.link.wait("state", lambda s: s.safety.stop_id == "stop-1")
+    rig.link.wait("state", lambda s: s.refused.get("old_seq", 0) + s.refused.get("stale", 0) > 0)
+    assert all(velocity == ZERO for _, velocity in rig.robot.velocities())
+
+
+def test_actions_of_staff_and_of_the_server_do_not_travel_on_the_drivers_network(rig):
+    impaired(rig, m.NetworkLab(loss=1.0))
+    rig.act(m.Photo(action_id="ours", stamp=time.time(), role="staff", user="ops"))
+    rig.status("ours", "FINISHED")
+
+
+def test_the_next_visitor_gets_a_clean_network_before_the_server_has_taken_the_lab_back(rig):
+    impaired(rig, m.NetworkLab(delay=0.2, loss=0.5, seed=2))
+    rig.media.network = m.LabReport(lab=m.NetworkLab(delay=0.2))
+    rig.link.say("lease", None)
+    rig.link.wait("event", lambda e: e.type == "session_closed")
+    since = rig.link.count
+    rig.grant(session="s2", epoch=2, peer="p2", limits=m.LeaseLimits(command_age=1.0))
+    state = rig.link.wait("state", lambda s: s.session == "s2", since=since)
+    assert state.control_network is None
+    assert state.video_network is None
+
+    def ages():
+        rig.push(0.5, peer="p2", session="s2", epoch=2)
+        return [c.age for s in rig.link.all("state") if s.session == "s2" for c in s.applied]
+
+    rig.wait(lambda: len(ages()) >= 10)
+    assert min(ages()) < 0.15, "nothing holds them"
+
+
+def test_a_network_for_this_session_alone_waits_for_its_driver(rig):
+    configure(rig, m.NetworkLab(delay=0.2), session="s7")
+    rig.grant()
+    assert rig.link.wait("state", lambda s: s.session == "s1").control_network is None
+    rig.grant(session="s7", epoch=7)
+    assert rig.link.wait("state", lambda s: s.session == "s7" and s.control_network is not None).control_network.lab.delay == 0.2
+
+
+def test_the_pictures_network_is_handed_to_the_media_side_and_reported_by_it(rig):
+    rig.grant()
+    lab = m.NetworkLab(bitrate=4e5, seed=8)
+    rig.link.say("config", m.Config(stamp=time.time(), video_network=lab, network_session="s1"))
+    assert rig.link.wait("state", lambda s: s.video_network is not None).video_network.lab == lab
+    rig.link.say("config", m.Config(stamp=time.time()))
+    since = rig.link.count
+    rig.link.wait("state", lambda s: s.video_network is None, since=since)
+
+
+def test_what_the_command_line_says_holds_for_every_driver(tmp_path):
+    lab = m.NetworkLab(delay=0.1, seed=3)
+    with ControlRig(tmp_path, networks=Networks(lab, None)) as rig:
+        assert rig.link.wait("state").control_network is None, "nobody drives yet"
+        rig.grant(limits=m.LeaseLimits(command_age=1.0))
+        assert rig.link.wait("state", lambda s: s.control_network is not None).control_network.lab == lab
+
+
+def test_a_command_says_how_old_the_picture_was_that_it_answered(rig):
+    rig.grant(limits=m.LeaseLimits(command_age=1.0))
+    seen = time.time() - 0.2
+    command = rig.push(0.5, frame=seen)
+    applied = rig.link.wait("state", lambda s: any(c.seq == command.seq for c in s.applied)).applied
+    assert 0.2 <= next(c for c in applied if c.seq == command.seq).frame_age < 5.0
+    other = rig.push(0.5, frame=12.0)
+    applied = rig.link.wait("state", lambda s: any(c.seq == other.seq for c in s.applied)).applied
+    assert next(c for c in applied if c.seq == other.seq).frame_age is None, "no picture of this robot is years old"

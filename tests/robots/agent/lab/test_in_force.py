@@ -1,0 +1,76 @@
+"""Which network a driver gets, and what of theirs it carries."""
+
+import pytest
+
+from robots.agent.lab.in_force import CLEAN, Networks, in_force, is_held
+from robots.agent.permissions import Sender
+from robots.api import messages as m
+
+SLOW, NARROW = m.NetworkLab(delay=0.2, seed=3), m.NetworkLab(bitrate=4e5, seed=4)
+LEASE = m.Lease(session="s1", epoch=3, peer="p1", who="Ada", renewal=0, stamp=1.0)
+OWN = Networks(m.NetworkLab(loss=0.5), None)
+
+
+def config(**fields):
+    return m.Config(stamp=1.0, **fields)
+
+
+def test_a_driver_has_the_networks_that_the_server_names_for_the_session():
+    told = config(control_network=SLOW, video_network=NARROW, network_session="s1")
+    assert in_force(LEASE, told, CLEAN) == Networks(SLOW, NARROW, "s1")
+
+
+def test_the_next_visitor_has_a_clean_network_also_before_the_server_says_so():
+    assert in_force(LEASE, config(control_network=SLOW, network_session="s0"), CLEAN) == CLEAN
+
+
+def test_a_network_without_a_session_is_every_drivers():
+    assert in_force(LEASE, config(video_network=NARROW), CLEAN) == Networks(None, NARROW, "s1")
+
+
+def test_without_a_driver_there_is_no_lab():
+    assert in_force(None, config(control_network=SLOW), OWN) == CLEAN
+
+
+@pytest.mark.parametrize("told", [None, config(), config(control_network=SLOW, network_session="s0")])
+def test_the_agents_own_networks_hold_where_the_server_says_nothing(told):
+    assert in_force(LEASE, told, OWN) == Networks(OWN.control, None, "s1")
+
+
+def test_the_server_goes_before_the_agents_own():
+    assert in_force(LEASE, config(control_network=SLOW), OWN).control == SLOW
+
+
+VELOCITY = m.VelocityCommand(session="s1", epoch=3, seq=1, stamp=1.0, linear=0.1, angular=0.0, method="keyboard")
+DRIVERS = {"action_id": "a", "stamp": 1.0, "session": "s1", "epoch": 3}
+
+
+@pytest.mark.parametrize("sender", [Sender("datachannel", "p1"), Sender("mqtt")])
+@pytest.mark.parametrize("message", [VELOCITY, m.Goto(**DRIVERS, x=1.0, y=1.0), m.Photo(**DRIVERS), m.Tilt(**DRIVERS, angle=0.1)])
+def test_the_drivers_commands_travel_on_the_drivers_network_on_both_ways(message, sender):
+    assert is_held(message, sender, LEASE)
+
+
+@pytest.mark.parametrize("sender", [Sender("datachannel", "p1"), Sender("mqtt")])
+@pytest.mark.parametrize("message", [m.Stop(**DRIVERS, seq=2), m.EStop(**DRIVERS), m.Cancel(**DRIVERS)])
+def test_what_stops_a_robot_never_does(message, sender):
+    assert not is_held(message, sender, LEASE)
+
+
+@pytest.mark.parametrize(
+    ("message", "sender"),
+    [
+        (VELOCITY, Sender("datachannel", "p2")),
+        (VELOCITY, Sender("mqtt", retained=True)),
+        (m.VelocityCommand(session="s2", epoch=1, seq=1, stamp=1.0, linear=0.1, angular=0.0, method="keyboard"), Sender("mqtt")),
+        (m.Photo(action_id="a", stamp=1.0, role="staff", user="ops"), Sender("mqtt")),
+        (m.Dock(action_id="a", stamp=1.0, role="server"), Sender("mqtt")),
+        (m.Goto(**DRIVERS, x=0.0, y=0.0), Sender("datachannel", "p2")),
+    ],
+)
+def test_what_others_send_is_left_alone(message, sender):
+    assert not is_held(message, sender, LEASE)
+
+
+def test_nothing_is_held_while_nobody_drives():
+    assert not is_held(VELOCITY, Sender("datachannel", "p1"), None)

@@ -1,0 +1,91 @@
+"""Guesses, their weights and their number."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robots.agent.localization.particle_filter import Cloud, Sampling, around, evenly, heaviest, needed, places, wrapped
+
+SAMPLING = Sampling()
+
+
+def about(*poses: tuple[float, float, float], each: int = 500, place: float = 0.05, heading: float = 0.03, seed: int = 1) -> np.ndarray:
+    return around(np.array(poses), np.full(len(poses), each), place, heading, np.random.default_rng(seed))
+
+
+def test_guesses_about_one_place_need_the_fewest() -> None:
+    assert needed(np.zeros((50, 3)), SAMPLING) == SAMPLING.fewest
+
+
+def test_the_wider_the_spread_the_more_guesses_are_needed_up_to_the_most() -> None:
+    counts = [needed(about((0.0, 0.0, 0.0), place=place), SAMPLING) for place in (0.1, 0.3, 0.8, 5.0)]
+    assert counts == sorted(counts)
+    assert counts[0] < counts[2]
+    assert counts[-1] <= SAMPLING.most
+
+
+def test_a_heading_of_a_full_turn_fills_no_new_cell() -> None:
+    poses = np.array([[0.1, 0.1, 0.05], [0.1, 0.1, 0.05 + 2.0 * math.pi], [0.1, 0.1, 0.05 - 4.0 * math.pi]])
+    assert needed(poses, SAMPLING) == SAMPLING.fewest
+
+
+def test_drawing_keeps_the_shares() -> None:
+    cloud = Cloud(about((0.0, 0.0, 0.0), (5.0, 0.0, 0.0)), np.repeat([0.3 / 500, 0.7 / 500], 500))
+    drawn = cloud.drawn(SAMPLING, np.random.default_rng(2))
+    assert (drawn.poses[:, 0] > 2.0).mean() == pytest.approx(0.7, abs=0.02)
+    assert drawn.weights.sum() == pytest.approx(1.0)
+
+
+def test_evidence_moves_weight_and_wears_the_cloud_out() -> None:
+    cloud = evenly(np.zeros((100, 3)))
+    assert not cloud.is_worn()
+    evidence = np.full(100, -1000.0)
+    evidence[7] = 0.0
+    weighed = cloud.weighed(evidence)
+    assert weighed.weights[7] == pytest.approx(1.0)
+    assert weighed.is_worn()
+
+
+@given(st.lists(st.floats(-1e6, 0.0), min_size=3, max_size=30))
+@settings(max_examples=50, deadline=None)
+def test_weights_sum_to_one_whatever_the_evidence(evidence: list[float]) -> None:
+    weighed = evenly(np.zeros((len(evidence), 3))).weighed(np.array(evidence))
+    assert weighed.weights.sum() == pytest.approx(1.0)
+    assert (weighed.weights >= 0.0).all()
+
+
+def test_the_heaviest_cluster_is_found_with_its_share() -> None:
+    cloud = Cloud(about((1.0, 2.0, 3.1), (6.0, 2.0, 3.1)), np.repeat([0.8 / 500, 0.2 / 500], 500))
+    cluster = heaviest(cloud, 0.6, math.radians(30.0))
+    assert cluster.mean[:2] == pytest.approx([1.0, 2.0], abs=0.02)
+    assert cluster.share == pytest.approx(0.8, abs=0.01)
+    assert cluster.covariance[0, 0] == pytest.approx(0.05**2, rel=0.2)
+
+
+def test_places_are_told_by_their_best_guesses_and_a_turn_makes_another_place() -> None:
+    poses = about((0.0, 0.0, 0.0), (3.0, 0.0, 0.0), (3.0, 0.0, math.pi), each=100)
+    fits = np.arange(300.0)
+    owner, best = places(poses, fits, 0.6, math.radians(30.0))
+    assert best.tolist() == [299, 199, 99]
+    assert owner.tolist() == [2] * 100 + [1] * 100 + [0] * 100
+
+
+def test_a_guess_that_is_no_number_is_a_place_of_its_own() -> None:
+    owner, best = places(np.array([[0.0, 0.0, 0.0], [math.nan, 0.0, 0.0]]), np.zeros(2), 0.6, 0.5)
+    assert sorted(owner.tolist()) == [0, 1]
+    assert len(best) == 2
+
+
+def test_a_cluster_that_looks_backwards_has_one_heading() -> None:
+    cluster = heaviest(evenly(about((0.0, 0.0, math.pi), heading=0.1)), 0.6, math.radians(30.0))
+    assert abs(wrapped(cluster.mean[2:] - math.pi)[0]) < 0.02
+    assert cluster.covariance[2, 2] == pytest.approx(0.01, rel=0.2)
+
+
+def test_one_guess_is_a_cluster() -> None:
+    cluster = heaviest(evenly(np.array([[1.0, 2.0, 0.5]])), 0.6, 0.5)
+    assert cluster.mean == pytest.approx([1.0, 2.0, 0.5])
+    assert cluster.share == pytest.approx(1.0)

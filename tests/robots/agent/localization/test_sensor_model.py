@@ -1,0 +1,102 @@
+"""What fits the map, what falls short of it, and what goes through its walls."""
+
+import math
+
+import numpy as np
+import pytest
+
+from robots.agent.localization.field import field_of
+from robots.agent.localization.sensor_model import Agreement, SensorModel, Sweep, agreement, likelihood_field, sweep_of
+from robots.agent.world.sensing import CENTRE, Beams
+from robots.api.geometry import Pose2D
+from tests.support.drawn_map import beams_from, drawn_map, standing
+
+MAP = """
+####################
+#......#...........#
+#......#...........#
+#......#...........#
+#..................#
+#..................#
+####################
+"""
+CHANGED = MAP.replace("#..................#", "#......~~~~~~......#", 1)
+FIELD = field_of(drawn_map(MAP, scale=4))
+MODEL = SensorModel()
+POSE = Pose2D(2.4, 1.0, 2.8)
+
+
+def at(*poses: Pose2D) -> np.ndarray:
+    return np.array([FIELD.world_from_field.inverse().compose(pose) for pose in poses])
+
+
+def sweep(picture: str = MAP, pose: Pose2D = POSE, mount: Pose2D = CENTRE) -> Sweep:
+    return sweep_of(beams_from(standing(picture, 0.2), pose, mount=mount), 0.1)
+
+
+def test_at_the_true_pose_nearly_every_beam_fits() -> None:
+    judged = agreement(FIELD, MODEL, at(POSE), sweep())
+    assert judged.fits[0] > 0.95
+    assert judged.through[0] < 0.05
+
+
+def test_the_lasers_mount_counts() -> None:
+    mount = Pose2D(0.2, 0.1, 0.5)
+    seen = sweep(mount=mount)
+    assert agreement(FIELD, MODEL, at(POSE), seen).fits[0] > 0.95
+    assert likelihood_field(FIELD, MODEL).of(at(POSE), seen)[0] > -1.0
+
+
+def test_something_new_before_a_wall_is_short_and_not_through() -> None:
+    judged = agreement(FIELD, MODEL, at(Pose2D(2.4, 0.5, 2.0)), sweep(CHANGED, Pose2D(2.4, 0.5, 2.0)))
+    assert judged.short[0] > 0.2
+    assert judged.through[0] < 0.05
+
+
+def test_from_behind_a_wall_the_beams_went_through_it() -> None:
+    inside = Pose2D(0.8, 1.0, 0.0)
+    judged = agreement(FIELD, MODEL, at(inside), sweep(pose=Pose2D(2.0, 1.0, 0.0)))
+    assert judged.through[0] > 0.15
+
+
+def test_between_places_beams_through_a_wall_take_back_more_than_as_many_that_fit() -> None:
+    half = np.array([0.5])
+    assert Agreement(half, 0.0 * half, half).merit[0] == 0.0
+    assert Agreement(half, 0.0 * half, half).against_others[0] < 0.0
+    assert Agreement(half, half, 0.0 * half).against_others[0] == Agreement(half, half, 0.0 * half).merit[0] > 0.8
+
+
+def test_the_three_shares_make_one() -> None:
+    judged = agreement(FIELD, MODEL, at(POSE, Pose2D(1.0, 0.5, 0.0), Pose2D(-9.0, 0.0, 0.0)), sweep(CHANGED))
+    assert judged.fits + judged.short + judged.through == pytest.approx(1.0)
+
+
+def test_the_true_pose_is_likelier_than_its_neighbours() -> None:
+    turned = Pose2D(POSE.x, POSE.y, POSE.theta + 0.1)
+    found = likelihood_field(FIELD, MODEL).of(at(POSE, Pose2D(POSE.x + 0.2, POSE.y, POSE.theta), turned), sweep())
+    assert np.argmax(found) == 0
+
+
+def test_a_beam_that_fits_nothing_costs_the_same_however_far_it_ends() -> None:
+    likelihood = likelihood_field(FIELD, MODEL)
+    near, far = (Sweep(np.array([[x, 0.0]]), 0.0, 0.0, np.zeros(1), np.array([x]), 10.0) for x in (5.0, 9.0))
+    assert likelihood.of(at(POSE), near) == pytest.approx(likelihood.of(at(POSE), far), abs=0.1)
+
+
+def test_beams_that_did_not_come_back_and_the_robots_own_hand_are_left_out() -> None:
+    ranges = np.array([math.nan, math.inf, 0.02, -1.0, 2.0])
+    seen = sweep_of(Beams(0.0, 0.0, 0.1, 8.0, ranges), 0.1)
+    assert seen.ranges.tolist() == [2.0]
+    assert seen.angles == pytest.approx([0.4])
+
+
+def test_no_beams_say_nothing() -> None:
+    nothing = sweep_of(Beams(0.0, 0.0, 0.1, 8.0, np.array([math.inf])), 0.1)
+    assert likelihood_field(FIELD, MODEL).of(at(POSE, POSE), nothing).tolist() == [0.0, 0.0]
+    assert agreement(FIELD, MODEL, at(POSE), nothing).fits[0] == 0.0
+
+
+def test_thinning_keeps_both_ends_and_the_count() -> None:
+    thin = sweep().thinned(20)
+    assert len(thin) == 20
+    assert thin.angles[[0, -1]] == pytest.approx(sweep().angles[[0, -1]])

@@ -1,0 +1,46 @@
+"""A media side with a synthetic camera, and pages that close with the test."""
+
+import asyncio
+from collections.abc import AsyncIterator
+
+import pytest
+
+from robots.agent.media import MediaSide
+from tests.support.loopback_peer import Exchange, LoopbackPage
+from tests.support.synthetic_camera import SyntheticCamera, SyntheticMicrophone
+
+
+@pytest.fixture
+def camera() -> SyntheticCamera:
+    return SyntheticCamera()
+
+
+@pytest.fixture
+def microphone() -> SyntheticMicrophone:
+    return SyntheticMicrophone()
+
+
+@pytest.fixture
+async def exchange() -> Exchange:
+    return Exchange(asyncio.get_running_loop())
+
+
+@pytest.fixture
+async def media(camera: SyntheticCamera, microphone: SyntheticMicrophone, exchange: Exchange) -> AsyncIterator[MediaSide]:
+    side = MediaSide(video=camera, audio=microphone, viewers=3, on_frame=exchange.on_frame, reply=exchange.reply)
+    side.start()
+    yield side
+    await asyncio.to_thread(side.close)
+
+
+@pytest.fixture
+async def new_page(media: MediaSide, exchange: Exchange) -> AsyncIterator:
+    pages: list[LoopbackPage] = []
+
+    def make(peer: str, *, decode: bool = True) -> LoopbackPage:
+        pages.append(LoopbackPage(media, exchange, peer, decode=decode))
+        return pages[-1]
+
+    yield make
+    for page in pages:
+        await page.close()

@@ -1,0 +1,73 @@
+"""A real Chromium watches the robot."""
+
+import statistics
+
+import pytest
+
+from robots.api.messages import Heartbeat
+from tests.support.browser_page import BrowserPage, chromium
+from tests.support.loopback_peer import until
+
+pytestmark = pytest.mark.browser
+
+
+async def test_chromium_shows_the_picture_and_knows_when_it_was_captured(media, exchange) -> None:
+    async with chromium() as (browser, address):
+        page = await BrowserPage.open(browser, address, media, exchange, "p1")
+        await page.watch()
+        report = await page.report_when("report.decoded > 60 && report.stampErrors.length > 40")
+        assert await page.page.evaluate("spread()") > 10, "the picture is not uniform"
+        assert statistics.median(map(abs, report["stampErrors"])) < 0.001
+        assert sum(abs(error) > 0.002 for error in report["stampErrors"]) <= 0.05 * len(report["stampErrors"])
+        assert await page.page.evaluate("heard()") > 20
+
+
+async def test_chromium_gets_playout_delay_vp8_and_sends_nothing_it_was_not_asked_for(media, exchange) -> None:
+    async with chromium() as (browser, address):
+        page = await BrowserPage.open(browser, address, media, exchange, "p1", role="driver")
+        await page.watch()
+        await page.report_when("report.decoded > 5")
+        answer = exchange.answers("p1")[0]
+        assert "playout-delay" in answer
+        assert "VP8" in answer
+        directions = await page.page.evaluate("peer.getTransceivers().map(line => line.currentDirection)")
+        assert directions == ["recvonly", "recvonly", "sendonly", "sendonly"], "the page's own lines are there for replaceTrack"
+
+
+async def test_the_data_channel_works_both_ways_in_chromium(media, exchange) -> None:
+    async with chromium() as (browser, address):
+        media.lease_changed("p1")
+        page = await BrowserPage.open(browser, address, media, exchange, "p1", role="driver")
+        await page.watch()
+        await page.page.wait_for_function("() => channel.readyState === 'open'")
+        await page.page.evaluate("channel.send('command/heartbeat\\n{}')")
+        await until(lambda: exchange.frames)
+        assert exchange.frames[0] == ("p1", "driver", "command/heartbeat\n{}")
+        media.telemetry("heartbeat", Heartbeat(n=7, stamp=1.5))
+        report = await page.report_when("report.messages.some(([suffix]) => suffix === 'heartbeat')")
+        assert ["heartbeat", {"n": 7, "stamp": 1.5}] in report["messages"]
+
+
+async def test_two_chromium_viewers_see_the_same_camera(media, exchange) -> None:
+    async with chromium() as (browser, address):
+        pages = [await BrowserPage.open(browser, address, media, exchange, f"p{n}") for n in range(2)]
+        for page in pages:
+            await page.watch()
+        for page in pages:
+            report = await page.report_when("report.decoded > 45")
+            assert len(report["delays"]) > 30, "bar codes are readable"
+        assert media.connected == 2
+
+
+async def test_a_chromium_viewer_keeps_its_picture_through_an_outage_of_the_camera(camera, media, exchange) -> None:
+    async with chromium() as (browser, address):
+        page = await BrowserPage.open(browser, address, media, exchange, "p1")
+        await page.watch()
+        await page.report_when("report.decoded > 20")
+        camera.fail("unplugged")
+        await until(lambda: media.camera.status == "failed")
+        camera.recover()
+        seen = (await page.report())["decoded"]
+        report = await page.report_when(f"report.decoded > {seen + 20}")
+        assert report["state"] == "connected"
+        assert abs(report["stampErrors"][-1]) < 0.002

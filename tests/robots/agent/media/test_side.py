@@ -1,0 +1,446 @@
+"""The media side against pages without a browser: real WebRTC on loopback."""
+
+import asyncio
+import random
+import time
+
+import pytest
+
+from robots.agent.media import signalling
+from robots.agent.media.rtp import capture_stamp
+from robots.api.codec import encode_frame
+from robots.api.messages import Bye, Candidate, CommandHeartbeat, Echo, Heartbeat, Offer, PoseUpdate
+from tests.support.loopback_peer import LoopbackPage, until
+from tests.support.synthetic_camera import TICKS_PER_SECOND, code_of, read_code
+
+
+async def test_a_page_sees_the_camera_and_hears_the_microphone(media, new_page) -> None:
+    page = new_page("p1")
+    await page.connect()
+    await until(lambda: len(page.images) > 5, what="decoded pictures")
+    assert page.images[-1].shape == (480, 640, 3)
+    assert page.images[-1].std() > 20
+    assert read_code(page.images[-1]) is not None
+    await until(lambda: page.sounds > 10, what="sounds")
+    assert media.connected == 1
+    assert media.camera.status == "live"
+
+
+async def test_the_page_learns_when_each_picture_was_captured(new_page) -> None:
+    page = new_page("p1")
+    await page.connect()
+    clock = await until(lambda: page.clocks() and page.clocks()[-1], what="a media clock")
+    await until(lambda: len(page.images) > 10)
+    newest = page.pictures[-1][0]
+    assert abs(capture_stamp(clock, newest) - time.time()) < 1.0
+    seen = read_code(page.images[-1])
+    stamps = [code_of(capture_stamp(clock, rtp)) for rtp, _ in page.pictures]
+    assert min(abs(seen - stamp) for stamp in stamps) <= 0.002 * TICKS_PER_SECOND
+
+
+async def test_the_clock_is_told_again_every_second(new_page) -> None:
+    page = new_page("p1", decode=False)
+    await page.connect()
+    await until(lambda: len(page.clocks()) >= 3, what="three clocks")
+    first, second, third = page.clocks()[:3]
+    assert 0.9 < second.stamp - first.stamp < 1.5
+    assert 0.9 < third.stamp - second.stamp < 1.5
+
+
+async def test_one_encoder_serves_every_viewer_the_same_pictures(new_page) -> None:
+    first, second = new_page("p1"), new_page("p2")
+    await first.connect()
+    await second.connect()
+    await until(lambda: len(second.pictures) > 10)
+    common = {rtp for rtp, _ in first.pictures} & {rtp for rtp, _ in second.pictures}
+    assert len(common) > 8
+
+
+async def test_a_late_viewer_begins_with_a_key_frame_and_the_others_see_no_gap(new_page) -> None:
+    first, late = new_page("p1", decode=False), new_page("p2", decode=False)
+    await first.connect()
+    await until(lambda: len(first.pictures) > 20)
+    await late.connect()
+    await until(lambda: len(late.pictures) > 10)
+    assert late.pictures[0][1], "the first picture is a key frame"
+    steps = [after - before for (before, _), (after, _) in zip(first.pictures, first.pictures[1:], strict=False)]
+    assert max(steps) < 90_000 * 0.5
+
+
+async def test_a_viewer_on_a_narrow_network_gets_smaller_pictures_and_nobody_else_does(media, new_page) -> None:
+    narrow, wide = new_page("narrow"), new_page("wide")
+    await narrow.connect()
+    await wide.connect()
+    await until(lambda: narrow.images and wide.images)
+
+    said = [time.monotonic()]
+
+    def crowd() -> bool:
+        """Say five times a second, as a page does, that its picture becomes older and older."""
+        if time.monotonic() - said[-1] > 0.2:
+            said.append(time.monotonic())
+            beat = CommandHeartbeat(n=len(said), stamp=1.0, frame_age=min(5.0, 0.3 * len(said)))
+            narrow.channel.send(encode_frame("command/heartbeat", beat))
+        return narrow.images[-1].shape[0] == 240
+
+    await until(crowd, 20.0, "pictures of the lowest rung")
+    seen = media.statistics()["wide"]["pictures"]
+    await until(lambda: media.statistics()["wide"]["pictures"] > seen + 5)
+    assert wide.images[-1].shape[0] == 480
+    assert media.statistics()["narrow"]["rung"] > media.statistics()["wide"]["rung"]
+
+
+async def test_a_lost_picture_brings_a_key_frame_but_a_storm_of_requests_does_not_bring_many(new_page) -> None:
+    page = new_page("p1", decode=False)
+    await page.connect()
+    await until(lambda: len(page.pictures) > 15)
+    before = len(page.pictures)
+    began = time.monotonic()
+    while time.monotonic() - began < 1.0:
+        await page.lose_a_picture()
+        count = len(page.pictures)
+        await until(lambda count=count: len(page.pictures) > count)
+    keys = sum(key for _, key in page.pictures[before:])
+    assert 1 <= keys <= 1 + (time.monotonic() - began) / 0.3
+
+
+async def test_a_viewer_that_cannot_keep_up_restarts_on_a_key_frame_without_disturbing_the_others(media, new_page) -> None:
+    slow, other = new_page("slow", decode=False), new_page("other", decode=False)
+    await slow.connect()
+    await other.connect()
+    await until(lambda: len(slow.pictures) > 10)
+    outbox = media._pages._viewers["slow"]._pictures
+    backlog, outbox.backlog = outbox.backlog, lambda: 1_000_000
+    await until(lambda: outbox.queue.restarts == 1, what="a restart")
+    held = len(slow.pictures)
+    seen = len(other.pictures)
+    await until(lambda: len(other.pictures) > seen + 15)
+    assert len(slow.pictures) <= held + 3, "nothing is sent into a full socket"
+    resumed = len(slow.pictures)
+    outbox.backlog = backlog
+    await until(lambda: len(slow.pictures) > resumed + 5, what="pictures again")
+    assert slow.pictures[resumed][1], "it goes on with a key frame"
+
+
+async def test_a_packet_that_was_lost_is_sent_again_when_asked_for(new_page) -> None:
+    page = new_page("p1", decode=False)
+    packets: list = []
+    receiver = page.video.receiver
+    noted = receiver._handle_rtp_packet
+
+    async def note(packet, arrival_time_ms: int) -> None:
+        packets.append(packet)
+        await noted(packet, arrival_time_ms)
+
+    receiver._handle_rtp_packet = note
+    await page.connect()
+    lost = await until(lambda: len(packets) > 30 and packets[-10], what="packets")
+    await receiver._send_rtcp_nack(page.ssrc, [lost.sequence_number])
+    again = await until(lambda: [p for p in packets if p.ssrc != lost.ssrc], what="a retransmission")
+    assert int.from_bytes(again[0].payload[:2], "big") == lost.sequence_number
+    assert again[0].payload[2:] == lost.payload
+
+
+async def test_the_camera_runs_only_while_somebody_watches(camera, media, new_page) -> None:
+    assert camera.starts == 0
+    page = new_page("p1", decode=False)
+    await page.connect()
+    await until(lambda: camera.running)
+    media.signal("p1", Bye(reason="left"))
+    await until(lambda: not camera.running, what="a stopped camera")
+    assert media.connected == 0
+    assert media.camera.status == "idle"
+
+
+async def test_a_camera_that_fails_says_why_and_the_picture_goes_on_when_it_is_back(camera, media, new_page) -> None:
+    page = new_page("p1", decode=False)
+    await page.connect()
+    await until(lambda: len(page.pictures) > 5)
+    camera.fail("the camera is unplugged")
+    await until(lambda: media.camera.status == "failed")
+    assert media.camera.reason == "the camera is unplugged"
+    held = len(page.pictures)
+    assert media.connected == 1, "the viewer stays"
+    camera.recover()
+    await until(lambda: len(page.pictures) > held + 5, what="pictures again")
+    assert page.pictures[held][1] or page.pictures[held + 1][1], "a fresh encoder begins with a key frame"
+    assert media.camera.status == "live"
+    assert not page.exchange.byes("p1")
+
+
+async def test_a_camera_that_falls_silent_is_started_anew(camera, media, new_page) -> None:
+    page = new_page("p1", decode=False)
+    await page.connect()
+    await until(lambda: len(page.pictures) > 5)
+    camera.fall_silent()
+    await until(lambda: media.camera.status == "failed")
+    assert "gave nothing" in media.camera.reason
+    camera.recover()
+    held = len(page.pictures)
+    await until(lambda: len(page.pictures) > held + 5, what="pictures again")
+    assert camera.starts >= 2
+
+
+async def test_an_outage_of_the_camera_leaves_the_clock_right(camera, new_page) -> None:
+    page = new_page("p1")
+    await page.connect()
+    await until(lambda: len(page.images) > 5)
+    camera.fail("away")
+    await until(lambda: not camera.running)
+    camera.recover()
+    held = len(page.images)
+    await until(lambda: camera.running and len(page.images) > min(held, 15) + 3)
+    await until(lambda: read_code(page.images[-1]) is not None and page.clocks())
+    clock, newest = page.clocks()[-1], page.pictures[-1][0]
+    assert 0 <= time.time() - capture_stamp(clock, newest) < 1.0
+
+
+async def test_a_snapshot_starts_the_camera_for_a_moment(camera, media) -> None:
+    frame = await asyncio.to_thread(media.snapshot)
+    assert frame.image.shape == (480, 640, 3)
+    assert time.time() - frame.stamp < 1.0
+    await until(lambda: not camera.running, what="a stopped camera")
+
+
+async def test_there_is_no_snapshot_from_a_camera_that_fails(camera, media) -> None:
+    camera.fail("unplugged")
+    assert await asyncio.to_thread(media.snapshot) is None
+
+
+async def test_frames_come_with_the_role_that_the_lease_gives(media, exchange, new_page) -> None:
+    media.lease_changed("p1")
+    driver, observer = new_page("p1", decode=False), new_page("p2", decode=False)
+    await driver.connect("driver")
+    await observer.connect("observer")
+    driver.channel.send("command/velocity\n{}")
+    await until(lambda: exchange.frames)
+    observer.channel.send("command/velocity\n{}")
+    await until(lambda: len(exchange.frames) == 2)
+    assert exchange.frames == [("p1", "driver", "command/velocity\n{}"), ("p2", "observer", "command/velocity\n{}")]
+
+
+async def test_a_driver_whose_lease_ended_speaks_as_an_observer_from_the_next_frame_on(media, exchange, new_page) -> None:
+    media.lease_changed("p1")
+    page = new_page("p1", decode=False)
+    await page.connect("driver")
+    page.channel.send("one")
+    await until(lambda: len(exchange.frames) == 1)
+    media.lease_changed("p2")
+    page.channel.send("two")
+    await until(lambda: len(exchange.frames) == 2)
+    assert [role for _, role, _ in exchange.frames] == ["driver", "observer"]
+    assert media.connected == 1, "it goes on watching"
+
+
+async def test_a_page_that_claims_to_drive_without_the_lease_is_an_observer(media, exchange, new_page) -> None:
+    page = new_page("p1", decode=False)
+    await page.connect("driver")
+    page.channel.send("one")
+    await until(lambda: exchange.frames)
+    assert exchange.frames[0][1] == "observer"
+
+
+async def test_oversized_and_too_many_frames_are_dropped_and_counted(media, exchange, new_page) -> None:
+    page = new_page("p1", decode=False)
+    await page.connect()
+    for _ in range(600):
+        page.channel.send(b"x")
+    await until(lambda: media.statistics()["p1"]["too_fast"] > 100, what="a full gate")
+    page.channel.send("command/action\n" + '{"type":"stop"}')
+    await until(lambda: any("stop" in str(frame) for _, _, frame in exchange.frames), what="the stop")
+    assert len(exchange.frames) < 600
+
+
+async def test_telemetry_reaches_every_page(media, new_page) -> None:
+    from robots.api.messages import Pose, Velocity
+
+    first, second = new_page("p1", decode=False), new_page("p2", decode=False)
+    await first.connect()
+    await second.connect()
+    update = PoseUpdate(stamp=5.0, pose=Pose(x=1.0, y=2.0, theta=0.5), velocity=Velocity(linear=0.1, angular=0.0))
+    media.telemetry("pose", update)
+    await until(lambda: ("pose", update) in first.messages and ("pose", update) in second.messages)
+
+
+async def test_a_heartbeat_tells_each_page_its_own_echo_alone(media, new_page) -> None:
+    pages = [new_page("p1", decode=False), new_page("p2", decode=False)]
+    for page in pages:
+        await page.connect()
+    echoes = tuple(Echo(peer=name, n=1, stamp=1.0, received=1.5) for name in ("p1", "p2", "p3"))
+    media.telemetry("heartbeat", Heartbeat(n=3, stamp=2.0, echoes=echoes))
+    for page in pages:
+        own = tuple(echo for echo in echoes if echo.peer == page.peer)
+        await until(lambda page=page, own=own: ("heartbeat", Heartbeat(n=3, stamp=2.0, echoes=own)) in page.messages)
+
+
+async def test_telemetry_that_a_page_cannot_take_is_dropped_not_queued(media, new_page) -> None:
+    page = new_page("p1", decode=False)
+    await page.connect()
+    viewer = media._pages._viewers["p1"]
+    channel = viewer._page.channels[0]
+    channel._addBufferedAmount(10_000_000)
+    for n in range(5):
+        media.telemetry("heartbeat", Heartbeat(n=n, stamp=1.0))
+    await until(lambda: viewer._page.dropped_telemetry >= 5)
+    assert all(suffix == "media" for suffix, _ in page.messages)
+
+
+async def test_the_robot_is_full_for_observers_and_never_for_the_driver(media, exchange, new_page) -> None:
+    for number in range(3):
+        await new_page(f"p{number}", decode=False).connect()
+    late = new_page("late", decode=False)
+    media.signal("late", Offer(sdp=await late.offer_sdp()))
+    await until(lambda: exchange.byes("late") == ["full"])
+    await new_page("driver", decode=False).connect("driver")
+    assert exchange.byes("p2") == ["full"], "the observer who came last makes room"
+    assert media.connected == 3
+
+
+async def test_a_repeated_offer_replaces_the_connection(media, exchange, new_page) -> None:
+    await new_page("p1", decode=False).connect()
+    again = new_page("p1", decode=False)
+    await again.connect()
+    await until(lambda: len(again.pictures) > 3)
+    assert media.connected == 1
+    assert exchange.byes("p1") == [], "the page knows that it offered again"
+
+
+async def test_a_bye_frees_the_place(media, new_page) -> None:
+    await new_page("p1", decode=False).connect()
+    media.signal("p1", Bye())
+    await until(lambda: media.connected == 0)
+    assert media.statistics() == {}
+
+
+async def test_a_page_that_closes_its_connection_is_gone(media, exchange, new_page) -> None:
+    page = new_page("p1", decode=False)
+    await page.connect()
+    await page.connection.close()
+    await until(lambda: exchange.byes("p1") == ["failed"], what="the end")
+    assert media.statistics() == {}
+
+
+async def test_a_page_that_never_comes_frees_its_place(media, exchange, new_page, monkeypatch) -> None:
+    monkeypatch.setattr(signalling, "CONNECT_TIMEOUT", 0.5)
+    page = new_page("p1", decode=False)
+    media.signal("p1", Offer(sdp=await page.offer_sdp()))
+    await until(lambda: exchange.byes("p1") == ["failed"], what="the end")
+    assert media.statistics() == {}
+
+
+async def test_a_page_that_goes_quiet_frees_its_place_and_one_that_speaks_keeps_it(media, exchange, new_page, monkeypatch) -> None:
+    quiet, speaking = new_page("quiet", decode=False), new_page("speaking", decode=False)
+    await quiet.connect()
+    await speaking.connect()
+    for page in (quiet, speaking):
+        page.fall_silent()
+        media._pages._viewers[page.peer]._pictures.heard(None)
+    monkeypatch.setattr(signalling, "SILENCE", 1.5)
+    await until(lambda: speaking.channel.send("command/heartbeat\n{}") or exchange.byes("quiet"), what="the end of the quiet one")
+    assert exchange.byes("quiet") == ["failed"]
+    assert exchange.byes("speaking") == []
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+async def test_a_camera_that_breaks_in_a_way_nobody_foresaw_is_started_anew(camera, media, new_page, monkeypatch) -> None:
+    page = new_page("p1", decode=False)
+    await page.connect()
+    await until(lambda: len(page.pictures) > 5)
+    monkeypatch.setattr(camera, "read", lambda timeout: {}["unforeseen"])
+    await until(lambda: not media._camera._capture._thread.is_alive(), what="a dead thread")
+    monkeypatch.undo()
+    held = len(page.pictures)
+    await until(lambda: len(page.pictures) > held + 5, what="pictures again")
+
+
+async def test_candidates_that_arrive_before_their_offer_count(media, exchange, new_page) -> None:
+    page = new_page("p1", decode=False)
+    sdp = await page.offer_sdp()
+    candidates = [line[2:] for line in sdp.splitlines() if line.startswith("a=candidate:")]
+    plain = "".join(line + "\r\n" for line in sdp.splitlines() if "candidate" not in line)
+    for candidate in candidates:
+        media.signal("p1", Candidate(candidate=candidate, sdp_m_line_index=0))
+    media.signal("p1", Candidate())
+    media.signal("p1", Offer(sdp=plain))
+    await until(lambda: exchange.answers("p1"))
+    await page.take_answer()
+    await until(lambda: len(page.pictures) > 3, what="pictures")
+
+
+async def test_a_name_that_nobody_answers_for_delays_nothing(media, exchange, new_page) -> None:
+    page = new_page("p1", decode=False)
+    sdp = await page.offer_sdp()
+    unknown = "a=candidate:1 1 udp 2113937151 9439dfa4-1278-4fc7-aa4d-2a5599e7885e.local 57459 typ host"
+    media.signal("p1", Offer(sdp=sdp.replace("a=candidate", f"{unknown}\r\na=candidate", 1)))
+    began = time.monotonic()
+    await until(lambda: exchange.answers("p1"))
+    assert time.monotonic() - began < 0.8, "aioice waits 1 s for such a name"
+    await page.take_answer()
+    await until(lambda: len(page.pictures) > 3, what="pictures")
+
+
+async def test_an_offer_that_cannot_be_used_is_refused_and_hurts_nobody(media, exchange, new_page) -> None:
+    watcher = new_page("p0", decode=False)
+    await watcher.connect()
+    good = await new_page("x", decode=False).offer_sdp()
+    rubbish = [
+        "",
+        "rubbish",
+        "v=0\r\n",
+        good.replace("VP8", "XX9"),
+        good.replace("a=fingerprint", "a=fingerless"),
+        good.replace("m=video", "m=smell"),
+    ]
+    for number, sdp in enumerate(rubbish):
+        media.signal(f"bad{number}", Offer(sdp=sdp))
+        await until(lambda number=number: exchange.byes(f"bad{number}") == ["failed"], what=f"refusal {number}")
+    seen = len(watcher.pictures)
+    await until(lambda: len(watcher.pictures) > seen + 10, what="pictures for the others")
+
+
+async def test_every_offer_is_answered_or_refused_however_it_is_mangled(media, exchange, new_page, caplog) -> None:
+    good = (await new_page("x", decode=False).offer_sdp()).splitlines()
+    generator = random.Random(5)
+    for number in range(120):
+        lines = list(good)
+        for _ in range(generator.randrange(1, 4)):
+            index = generator.randrange(len(lines))
+            line = lines[index]
+            cut = generator.randrange(len(line) + 1)
+            lines[index : index + 1] = generator.choice(
+                [[], [line, line], [line[:cut]], [line[:cut] + "\u00e9-1" + line[cut:]], [line.replace("1", "99999999999")]]
+            )
+        peer = f"m{number}"
+        media.signal(peer, Offer(sdp="\r\n".join(lines) + "\r\n"))
+        await until(lambda peer=peer: exchange.answers(peer) or exchange.byes(peer), what=f"a reply to {lines}")
+        media.signal(peer, Bye())
+    await until(lambda: media.statistics() == {})
+    assert "media_task_failed" not in caplog.text
+    await new_page("p1").connect()
+
+
+async def test_a_robot_without_camera_still_has_a_data_channel(exchange) -> None:
+    from robots.agent.media import MediaSide
+
+    side = MediaSide(video=None, audio=None, viewers=2, on_frame=exchange.on_frame, reply=exchange.reply)
+    side.start()
+    page = LoopbackPage(side, exchange, "p1")
+    await page.connect()
+    page.channel.send("hello")
+    await until(lambda: exchange.frames)
+    assert side.snapshot() is None
+    assert side.camera is None
+    await page.close()
+    await asyncio.to_thread(side.close)
+
+
+async def test_closing_says_goodbye_and_stops_everything(camera, microphone, media, exchange, new_page) -> None:
+    await new_page("p1", decode=False).connect()
+    await asyncio.to_thread(media.close)
+    await until(lambda: exchange.byes("p1") == ["left"])
+    assert not camera.running
+    assert not microphone.running
+    assert not media._thread.is_alive()
+    media.close()
+    media.signal("p2", Bye())
+    media.telemetry("heartbeat", Heartbeat(n=1, stamp=1.0))

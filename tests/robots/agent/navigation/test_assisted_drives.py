@@ -1,0 +1,97 @@
+"""The assistance on a simulated robot: a laser with noise and lost beams, wheels that slip, odometry that drifts."""
+
+import numpy as np
+import pytest
+
+from benchmarks.assist import Careless, Rig, careless_drive, crossings, novice_drive
+from robots.agent.motion import ZERO
+from robots.agent.simulator.faults import Faults
+from robots.agent.simulator.profiles import GIRAFF, MODELS
+from robots.agent.simulator.simulation import Simulation
+from robots.agent.world.sites import load_site
+from robots.api.messages import Velocity
+
+OFFICE = load_site("office").plan
+AHEAD = Velocity(linear=0.5, angular=0.0)
+
+
+def rig(start, level, seed=5):
+    return Rig(Simulation(GIRAFF, OFFICE, seed=seed, start=start), level)
+
+
+def drive(robot, stick, seconds):
+    end = robot.world.time + seconds
+    while robot.world.time < end:
+        robot.drive(stick)
+
+
+def test_a_careless_driver_hits_things_without_assistance():
+    assert careless_drive(OFFICE, GIRAFF, "off", 3, 1.0).collisions > 0
+
+
+@pytest.mark.parametrize("level", ["slow", "steer"])
+@pytest.mark.parametrize("series", sorted(MODELS))
+def test_a_careless_driver_hits_nothing_with_it_and_still_gets_about(series, level):
+    robot = careless_drive(OFFICE, MODELS[series], level, 3, 0.5)
+    assert robot.touches == 0
+    assert robot.world.distance > 0.5
+
+
+@pytest.mark.parametrize("fault", [Faults(laser="silent"), Faults(laser="nan")], ids=["silent", "not a number"])
+@pytest.mark.parametrize("level", ["slow", "steer"])
+def test_a_laser_that_breaks_on_the_way_stops_the_robot_within_a_second_and_a_half(fault, level):
+    robot = rig("corridor-centre", level)
+    drive(robot, AHEAD, 3.0)
+    assert robot.world.motion.linear > 0.4
+    robot.world.faults = fault
+    drive(robot, AHEAD, 1.5)
+    assert (robot.last.why, robot.told) == ("blind", ZERO)
+    assert robot.stands
+    robot.world.faults = Faults()
+    drive(robot, AHEAD, 1.0)
+    assert not robot.stands
+
+
+def test_a_laser_that_never_spoke_lets_nothing_move():
+    robot = rig("corridor-centre", "slow")
+    robot.world.faults = Faults(laser="silent")
+    drive(robot, AHEAD, 1.0)
+    assert robot.last.why == "blind"
+    assert robot.world.distance == 0.0
+
+
+def test_a_robot_whose_wheels_stopped_starts_gently_when_they_turn_again():
+    robot = rig("corridor-centre", "slow")
+    robot.world.faults = Faults(wheels_stopped=True)
+    drive(robot, AHEAD, 2.0)
+    robot.world.faults = Faults()
+    drive(robot, AHEAD, 0.1)
+    assert 0.0 < robot.world.motion.linear <= GIRAFF.limits.linear_acceleration * 0.1 + 1e-9
+
+
+@pytest.mark.parametrize("level", ["slow", "steer"])
+def test_a_robot_that_backs_from_where_it_once_drove_up_does_not_hit_what_is_behind_it_now(level):
+    robot = rig("corridor-centre", level)
+    drive(robot, Velocity(linear=0.5, angular=0.0), 4.0)
+    drive(robot, Velocity(linear=0.0, angular=0.7), 3.2)  # the wall at its side is behind it, out of the laser's sight
+    drive(robot, Velocity(linear=-0.3, angular=0.0), 8.0)
+    assert robot.touches == 0
+    assert robot.world.clearance() < 0.25
+
+
+def test_a_novice_gets_through_a_door_with_steering():
+    found = novice_drive(OFFICE, GIRAFF, crossings(OFFICE)[0], "steer", 4)
+    assert found is not None
+    seconds, contacts = found
+    assert seconds < 30.0
+    assert contacts == 0
+
+
+def test_the_careless_driver_is_the_same_for_the_same_seed():
+    def path():
+        robot, driver = rig("lab-centre", "slow"), Careless(np.random.default_rng(8))
+        for _ in range(200):
+            robot.drive(driver.wish(robot))
+        return robot.world.pose
+
+    assert path() == path()

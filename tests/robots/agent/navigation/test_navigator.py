@@ -1,0 +1,244 @@
+"""A simulated robot that goes to places by itself, and what keeps it from that."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from robots.agent.navigation.costmap import NoWayError
+from robots.agent.navigation.navigator import Navigator
+from robots.agent.navigation.wheels import IN_VAIN, WheelWatch
+from robots.agent.navigation.whereabouts import Whereabouts
+from robots.agent.simulator.drive import STILL
+from robots.agent.simulator.profiles import GIRAFF, MODELS, RHODON, RobotModel
+from robots.agent.simulator.simulation import Simulation
+from robots.agent.world.grid import OccupancyGrid
+from robots.agent.world.sensing import CENTRE, Estimate
+from robots.agent.world.sites import load_site
+from robots.api.geometry import Pose2D
+from robots.api.messages import Velocity
+from tests.support.navigation_rig import Rig
+
+SITE = load_site("office")
+MODELS_BY_NAME = sorted(MODELS.items())
+
+
+def rig(start: str, model: RobotModel = GIRAFF, seed: int = 1) -> Rig:
+    return Rig(Simulation(model, SITE.plan, seed=seed, start=start), SITE.grid, seed)
+
+
+def away_from(made: Rig, x: float, y: float) -> float:
+    return math.hypot(made.sim.pose.x - x, made.sim.pose.y - y)
+
+
+@pytest.mark.parametrize(("series", "model"), MODELS_BY_NAME)
+def test_the_robot_goes_through_a_door_to_a_pose_and_touches_nothing(series: str, model: RobotModel) -> None:
+    made = rig("lab-before-door", model)
+    made.navigator.goto(4.0, 1.1, 1.0)
+    done = made.run(60.0)
+    assert (done.status, made.sim.contacts, done.progress) == ("FINISHED", 0, 1.0)
+    assert away_from(made, 4.0, 1.1) < 0.2
+    assert abs(made.sim.pose.theta - 1.0) < 0.15
+    made.settle()
+    assert made.sim.motion == STILL
+    assert made.step().velocity is None
+
+
+def test_the_path_ahead_shrinks_and_progress_grows() -> None:
+    made = rig("corridor-centre")
+    made.navigator.goto(8.4, 1.0)
+    steps = [made.step() for _ in range(60)]
+    assert len(steps[0].path) > len(steps[-1].path) > 0
+    assert steps[0].path[-1] == pytest.approx((8.4, 1.0))
+    assert all(0.0 <= a.progress <= b.progress + 0.05 for a, b in pairwise(steps))
+
+
+def test_a_named_place_is_gone_to_with_its_heading() -> None:
+    made = rig("lounge-centre")
+    made.navigator.goto_place("mirror")
+    assert made.run(40.0).status == "FINISHED"
+    assert abs(abs(made.sim.pose.theta) - math.pi) < 0.15
+
+
+def test_a_docked_robot_backs_out_before_it_goes_anywhere() -> None:
+    made = rig("dock")
+    made.navigator.goto(2.5, 5.2)
+    done = made.run(40.0)
+    assert (done.status, made.sim.docked, made.sim.contacts) == ("FINISHED", False, 0)
+
+
+def test_a_drawn_line_is_followed_and_where_it_crosses_a_desk_gone_round() -> None:
+    made = rig("lab-centre")
+    made.navigator.follow([(3.2, 4.6), (4.6, 4.9), (5.0, 3.6), (3.4, 3.3), (1.6, 4.0), (2.2, 5.4)])
+    done = made.run(80.0)
+    assert (done.status, made.sim.contacts) == ("FINISHED", 0)
+    trail = np.array(made.trail)[:, :2]
+    for x, y in ((4.6, 4.9), (5.0, 3.6), (3.4, 3.3), (1.6, 4.0)):
+        assert np.hypot(trail[:, 0] - x, trail[:, 1] - y).min() < 0.45
+    through = rig("lab-centre")
+    through.navigator.follow([(3.2, 5.2), (2.5, 6.5), (3.4, 6.4)])
+    assert through.run(60.0).status == "FINISHED"
+    assert through.sim.contacts == 0
+
+
+def test_a_door_that_closes_on_the_way_is_gone_round() -> None:
+    made = rig("lab-before-door")
+    made.navigator.goto(2.0, 1.0)
+    made.run(1.0)
+    made.sim.set_doors({"lab-door": "closed"})
+    done = made.run(150.0)
+    assert (done.status, made.collisions) == ("FINISHED", 0)
+    assert made.navigator.closed_doors == ("lab-door",)
+    assert made.sim.distance > 15.0
+
+
+def test_where_no_way_is_left_the_robot_waits_and_then_names_the_door() -> None:
+    made = rig("2.0,1.0,0.5")
+    made.sim.set_doors({"lab-door": "closed", "lounge-door": "closed"})
+    made.navigator.goto(3.2, 4.6)
+    done = made.run(150.0)
+    assert done.status == "FAILED"
+    assert done.reason == "blocked: Laboratory door is closed and Living room door is closed"
+    assert "waits, because no way is free" in made.reasons
+    made.settle()
+    assert made.sim.motion == STILL
+
+
+def test_a_door_that_opens_again_while_the_robot_waits_lets_it_go_on() -> None:
+    made = rig("10.0,1.0,1.57")
+    made.sim.set_doors({"lab-door": "closed", "lounge-door": "closed"})
+    made.navigator.goto(9.9, 3.6)
+    while "waits, because no way is free" not in made.reasons:
+        assert made.step().status == "RUNNING"
+        assert made.sim.time < 90.0
+    nearest = min(SITE.plan.doors, key=lambda door: away_from(made, *door.start))
+    made.sim.set_doors({nearest.name: "open"})
+    assert made.run(100.0).status == "FINISHED"
+    assert made.collisions == 0
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "theta", "reason"),
+    [(40.0, 1.0, None, "outside of the map"), (math.inf, 1.0, None, "not a point"), (3.0, 1.0, math.nan, "heading"), (9.4, 7.15, None, "in a wall")],
+)
+def test_goals_that_cannot_be_are_refused_with_the_reason(x: float, y: float, theta: float | None, reason: str) -> None:
+    navigator = rig("lab-centre").navigator
+    with pytest.raises(NoWayError, match=reason):
+        navigator.goto(x, y, theta)
+    assert not navigator.busy
+
+
+def test_unknown_places_and_short_lines_are_refused() -> None:
+    navigator = rig("lab-centre").navigator
+    with pytest.raises(NoWayError, match="no place 'moon'"):
+        navigator.goto_place("moon")
+    with pytest.raises(NoWayError, match="two points"):
+        navigator.follow([(1.0, 1.0)])
+    with pytest.raises(NoWayError, match="two points"):
+        navigator.follow([(1.0, 1.0), (math.nan, 2.0)])
+
+
+def test_a_map_without_free_space_is_refused() -> None:
+    full = OccupancyGrid(np.zeros_like(SITE.grid.image), SITE.grid.transform)
+    with pytest.raises(NoWayError, match="no free space"):
+        Navigator(full, None, np.array(GIRAFF.footprint), GIRAFF.limits, "giraff")
+
+
+def test_cancel_brakes_to_a_stand_and_then_is_silent() -> None:
+    made = rig("corridor-centre")
+    made.navigator.goto(8.4, 1.0)
+    made.run(3.0)
+    assert made.sim.motion != STILL
+    made.navigator.cancel()
+    assert (made.step().velocity, made.step().reason) == (Velocity(linear=0.0, angular=0.0), "cancelled")
+    made.settle()
+    assert made.sim.motion == STILL
+    assert made.step().velocity is None
+
+
+def test_a_silent_laser_stops_the_robot_and_ends_the_task() -> None:
+    made = rig("corridor-centre")
+    made.navigator.goto(8.4, 1.0)
+    made.run(3.0)
+    assert made.sim.motion != STILL
+    made.laser_works = False
+    done = made.run(20.0)
+    assert (done.status, done.reason) == ("FAILED", "the laser is silent")
+    assert "waits for the laser" in made.reasons
+    assert made.sim.motion == STILL
+
+
+def test_a_laser_that_comes_back_in_time_lets_the_robot_go_on() -> None:
+    made = rig("corridor-centre")
+    made.navigator.goto(7.0, 1.0)
+    made.run(3.0)
+    made.laser_works = False
+    made.run(1.5)
+    assert made.sim.motion == STILL
+    made.laser_works = True
+    assert made.run(30.0).status == "FINISHED"
+
+
+def test_a_laser_that_measures_nothing_but_nan_stops_the_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = rig("corridor-centre")
+    made.navigator.goto(8.4, 1.0)
+    made.run(3.0)
+    monkeypatch.setattr(made.sim, "scan", lambda: np.full(GIRAFF.laser.beams, math.nan))
+    done = made.run(20.0)
+    assert (done.status, done.reason) == ("FAILED", "the laser sees nothing")
+    made.settle()
+    assert made.sim.motion == STILL
+
+
+def test_who_does_not_know_where_it_is_stops_and_says_so() -> None:
+    made = rig("corridor-centre")
+    made.navigator.goto(8.4, 1.0)
+    made.run(3.0)
+    made.knows_where = False
+    done = made.run(20.0)
+    assert (done.status, done.reason) == ("FAILED", "the robot has lost where it is on the map")
+    assert made.sim.motion == STILL
+
+
+def test_wheels_that_do_not_turn_are_noticed() -> None:
+    made = rig("corridor-centre")
+    made.wheels_turn = False
+    made.navigator.goto(8.4, 1.0)
+    done = made.run(20.0)
+    assert (done.status, done.reason) == ("FAILED", "the wheels do not turn")
+
+
+def test_people_who_walk_are_not_run_into() -> None:
+    made = Rig(Simulation(GIRAFF, SITE.plan, seed=1, start="corridor-centre", people=3), SITE.grid, 1)
+    made.navigator.goto(8.6, 4.4)
+    assert made.run(50.0).status != "FAILED"
+    assert made.sim.distance > 1.0
+    assert made.seen_collisions == 0
+
+
+def test_the_wheel_watch_waits_for_as_long_as_a_base_may_take_to_start() -> None:
+    watch, asked, here = WheelWatch(), Velocity(linear=0.3, angular=0.0), Pose2D(0.0, 0.0, 0.0)
+    assert not any(watch.stuck(asked, here, step / 10.0) for step in range(round(IN_VAIN * 10)))
+    assert watch.stuck(asked, here, IN_VAIN + 0.2)
+    assert not watch.stuck(asked, Pose2D(0.05, 0.0, 0.0), IN_VAIN + 0.3)
+    assert not watch.stuck(Velocity(linear=0.0, angular=0.0), here, 2.0 * IN_VAIN + 1.0)
+
+
+def test_an_old_estimate_is_carried_on_by_the_odometry() -> None:
+    where = Whereabouts()
+    unknown = Estimate(0.0, CENTRE, (0.0,) * 6, 1.0, localized=True)
+    for step in range(11):
+        where.take(step / 10.0, Pose2D(step / 10.0, 0.0, 0.0), unknown)
+    late = Estimate(0.55, Pose2D(5.0, 5.0, math.pi / 2.0), (0.0,) * 6, 1.0, localized=True)
+    where.take(1.1, Pose2D(1.1, 0.0, 0.0), late)
+    assert where.odometry_at(0.55) == pytest.approx((0.55, 0.0, 0.0))
+    assert where.pose() == pytest.approx((5.0, 5.55, math.pi / 2.0))
+    assert where.odometry_at(-5.0) == pytest.approx((0.0, 0.0, 0.0))
+
+
+def test_the_rhodon_whose_laser_sees_only_half_the_room_passes_the_archway() -> None:
+    made = rig("lab-centre", RHODON)
+    made.navigator.goto(8.6, 4.4, 0.0)
+    assert made.run(60.0).status == "FINISHED"
+    assert made.sim.contacts == 0

@@ -1,0 +1,26 @@
+"""Options of an agent reach the simulated robot that it starts."""
+
+from robots.agent.adapters.simulator_child import end, launch
+from robots.agent.simulator import wire
+from tests.support.simulators import eventually
+from tests.support.truth import Fate, Onlooker
+
+
+def test_an_agents_robot_stands_in_the_site_with_the_people_and_doors_that_it_was_told() -> None:
+    options = {"plan": "clinic", "people": "2", "door-changes": "2", "start": "therapy-room", "camera": "no", "linger": "20"}
+    child, address = launch("giraff", options)
+    try:
+        onlooker = Onlooker(int(address.rpartition(":")[2]))
+        truth = onlooker.truth()
+        assert len(truth.people) == 2
+        assert (truth.x, truth.y) == (6.1, 5.6)
+        assert set(truth.doors) == {"waiting-door", "therapy-door", "consulting-door", "treatment-door", "connecting-door"}
+        assert eventually(lambda: "closed" in onlooker.truth().doors.values())
+        fate = Fate(int(address.rpartition(":")[2]))
+        assert fate.wish(wire.SetDoors(dict.fromkeys(truth.doors, "open"))) == ""
+        assert eventually(lambda: "closed" not in onlooker.truth().doors.values())
+        fate.close()
+        onlooker.close()
+    finally:
+        child.kill()
+        end(child)

@@ -1,0 +1,265 @@
+"""The simulator as a process: the base that stands when everything above it is dead."""
+
+import asyncio
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from robots.agent import framing
+from robots.agent.adapters.simulator_media import MediaLine
+from robots.agent.simulator import wire
+from robots.agent.simulator.faults import Faults
+from robots.agent.simulator.profiles import GIRAFF
+from tests.support.lateness import watched
+from tests.support.simulators import ROOT, alive, driving_agent, eventually, memory_exists, simulator
+from tests.support.truth import Fate
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+QUIET = ("--no-camera", "--start", "corridor-centre")
+TOLERANCE = 0.12  # of a busy machine; the bound itself is watchdog + braking
+
+
+def standing_time(rows: list) -> tuple[float, float]:
+    """Return (seconds from the last nonzero velocity's arrival to the stand, speed when the brakes went on)."""
+    last = max(i for i, row in enumerate(rows) if row.linear != 0.0)
+    peak = max(row.linear for row in rows)
+    braking = max(i for i, row in enumerate(rows) if row.linear == peak)
+    return rows[last].stamp - rows[braking].stamp, peak
+
+
+@pytest.mark.parametrize("fate", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "stopped"])
+def test_when_the_agent_is_killed_or_stopped_the_base_brakes_by_itself(fate: signal.Signals) -> None:
+    with watched() as computer, simulator(*QUIET, "--linger", "10") as robot, driving_agent(robot.address) as agent:
+        onlooker = robot.onlooker()
+        agent.send_signal(fate)
+        struck = time.time()
+        assert eventually(lambda: onlooker.truth().linear == 0.0, 5.0)
+        last_command = onlooker.truth().commanded_at
+        rows = onlooker.history(5.0)
+        stood = next(row.stamp for row in rows if row.stamp > struck and row.linear == 0.0)
+        bound = GIRAFF.watchdog + max(row.linear for row in rows) / GIRAFF.limits.linear_braking
+        tolerance = TOLERANCE + computer.excuse(struck, stood)
+        assert last_command <= struck + tolerance
+        assert stood - last_command <= bound + tolerance
+        duration, peak = standing_time(rows)
+        assert duration <= peak / GIRAFF.limits.linear_braking + GIRAFF.watchdog + tolerance
+        onlooker.close()
+        if fate == signal.SIGSTOP:
+            agent.send_signal(signal.SIGCONT)
+
+
+def test_an_agent_that_lives_again_drives_on() -> None:
+    with simulator(*QUIET, "--linger", "10") as robot, driving_agent(robot.address) as agent:
+        onlooker = robot.onlooker()
+        agent.send_signal(signal.SIGSTOP)
+        assert eventually(lambda: onlooker.truth().linear == 0.0, 5.0)
+        agent.send_signal(signal.SIGCONT)
+        assert eventually(lambda: onlooker.truth().linear > 0.2, 5.0)
+        onlooker.close()
+
+
+def test_a_new_agent_takes_over_from_one_that_hangs() -> None:
+    with simulator(*QUIET, "--linger", "10") as robot, driving_agent(robot.address) as hanging:
+        hanging.send_signal(signal.SIGSTOP)
+        with driving_agent(robot.address, linear=-0.25):
+            onlooker = robot.onlooker()
+            assert eventually(lambda: onlooker.truth().linear < -0.2, 5.0)
+            onlooker.close()
+        hanging.send_signal(signal.SIGCONT)
+        assert hanging.wait(timeout=40) != 0  # it was hung up on
+
+
+def test_after_its_driver_is_gone_for_good_the_process_ends_but_not_before_it_stands() -> None:
+    with simulator(*QUIET, "--linger", "0.05") as robot:
+        with driving_agent(robot.address) as agent:
+            onlooker = robot.onlooker()
+            agent.kill()
+            seen = []
+            try:
+                while True:
+                    seen.append(onlooker.truth())
+            except (AssertionError, OSError):
+                pass  # it has ended
+        assert robot.process.wait(timeout=40) == 0
+        assert seen[0].linear > 0.2
+        assert seen[-1].linear < 0.05  # the step after stood, and was the last
+
+
+def test_a_child_of_a_killed_agent_ends_by_itself_and_leaves_no_memory() -> None:
+    with driving_agent("child", media=True) as agent:
+        address = agent.stdout.readline().strip()
+        host, _, port = address.rpartition(":")
+        line = MediaLine((host, int(port)), "camera")
+        welcome, pictures = line.read(2.0), line.read(2.0)
+        assert isinstance(welcome, wire.Welcome)
+        assert isinstance(pictures, wire.Pictures)
+        assert memory_exists(pictures.name)
+        agent.kill()
+        assert eventually(lambda: not alive(welcome.pid), 15.0)
+        assert eventually(lambda: not memory_exists(pictures.name), 5.0)
+        line.close()
+
+
+@pytest.mark.parametrize("fate", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL], ids=["terminated", "interrupted", "killed"])
+def test_however_the_simulator_ends_its_memory_is_gone(fate: signal.Signals) -> None:
+    with simulator("--linger", "30") as robot:
+        line = MediaLine(("127.0.0.1", robot.port), "camera")
+        line.read(2.0)
+        name = line.read(2.0).name
+        assert memory_exists(name)
+        robot.process.send_signal(fate)
+        robot.process.wait(timeout=40)
+        assert eventually(lambda: not memory_exists(name), 5.0)
+        line.close()
+
+
+def test_pictures_come_while_somebody_looks_and_rest_when_nobody_does() -> None:
+    with simulator("--linger", "30") as robot:
+        line = MediaLine(("127.0.0.1", robot.port), "camera")
+        numbers = []
+        while len(numbers) < 10:
+            message = line.read(20.0)
+            assert message is not None
+            if isinstance(message, wire.FrameReady):
+                numbers.append((message.number, message.stamp))
+        line.close()
+        assert [n for n, _ in numbers] == list(range(numbers[0][0], numbers[0][0] + 10))
+        assert all(b > a for (_, a), (_, b) in pairwise(numbers))
+        time.sleep(0.3)  # the time in which ten more would come
+        again = MediaLine(("127.0.0.1", robot.port), "camera")
+        first = next(m for m in iter(lambda: again.read(20.0), None) if isinstance(m, wire.FrameReady))
+        assert first.number <= numbers[-1][0] + 3
+        again.close()
+
+
+def test_nonsense_closes_its_own_connection_and_nothing_else() -> None:
+    with simulator(*QUIET) as robot:
+        onlooker = robot.onlooker()
+        for nonsense in (
+            b"GET / HTTP/1.1\r\n\r\n",
+            framing.pack(wire.Drive(0.5, 0.0)),
+            b"\x00\x00\x00\x02xx",
+            framing.pack(wire.Hello("observer")) * 2,
+        ):
+            with socket.create_connection(("127.0.0.1", robot.port), timeout=5) as stranger:
+                stranger.sendall(nonsense)
+                data = b"".join(iter(lambda s=stranger: s.recv(4096), b""))
+                assert b"Refused" in data
+        assert onlooker.truth().linear == 0.0
+        onlooker.close()
+
+
+def test_an_operator_carries_the_robot_away_breaks_it_and_moves_doors() -> None:
+    with simulator(*QUIET, "--seed", "3") as robot:
+        fate, onlooker = Fate(robot.port), robot.onlooker()
+        assert fate.wish(wire.CarryTo(8.6, 4.4, 1.0)) == ""
+        assert (onlooker.truth().x, onlooker.truth().y) == (8.6, 4.4)
+        assert "desk-1 stands there" in fate.wish(wire.CarryTo(2.4, 7.2, 0.0))
+        assert fate.wish(wire.SetDoors({"lab-door": "closed"})) == ""
+        assert eventually(lambda: onlooker.truth().doors["lab-door"] == "closed")
+        with driving_agent(robot.address):
+            assert eventually(lambda: onlooker.truth().linear > 0.05)
+            assert fate.wish(wire.Break(Faults(wheels_stopped=True))) == ""
+            assert eventually(lambda: onlooker.truth().linear == 0.0)
+            assert fate.wish(wire.Break(Faults())) == ""
+            assert eventually(lambda: onlooker.truth().linear > 0.05)
+        fate.close()
+        onlooker.close()
+
+
+def test_people_walk_about_and_an_observer_is_told_where() -> None:
+    with simulator(*QUIET, "--people", "2") as robot:
+        onlooker = robot.onlooker()
+        before = onlooker.truth().people
+        assert len(before) == 2
+        assert eventually(lambda: onlooker.truth().people != before)
+        onlooker.close()
+
+
+@pytest.mark.parametrize("arguments", [("--people", "-1"), ("--people", "1000"), ("--door-changes", "-3"), ("--door-changes", "nan")])
+def test_a_number_that_cannot_be_is_refused_with_a_sentence(arguments: tuple[str, str]) -> None:
+    with pytest.raises(RuntimeError, match=arguments[0]):
+        simulator(*QUIET, *arguments).__enter__()
+
+
+def test_an_observer_cannot_drive() -> None:
+    with simulator(*QUIET) as robot:
+        with socket.create_connection(("127.0.0.1", robot.port), timeout=5) as observer:
+            observer.sendall(framing.pack(wire.Hello("observer")) + framing.pack(wire.Drive(0.5, 0.0)))
+            assert b"Refused" in b"".join(iter(lambda: observer.recv(4096), b""))
+        onlooker = robot.onlooker()
+        assert onlooker.truth().commanded == (0.0, 0.0)
+        onlooker.close()
+
+
+def test_velocities_that_are_no_numbers_close_the_connection_and_the_base_stands() -> None:
+    with simulator(*QUIET) as robot:
+        onlooker = robot.onlooker()
+        for bad in (float("nan"), float("inf")):
+            with socket.create_connection(("127.0.0.1", robot.port), timeout=5) as driver:
+                driver.sendall(framing.pack(wire.Hello("driver")) + framing.pack(wire.Drive(bad, 0.0)))
+                assert b"Refused" in b"".join(iter(lambda s=driver: s.recv(65536), b""))
+        assert onlooker.truth().linear == 0.0
+        onlooker.close()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--profile", "r2d2"), "giraff, rhodon"),
+        (("--plan", "castle"), "office"),
+        (("--start", "moon"), "moon"),
+        (("--listen", "0.0.0.0:0"), "loopback"),
+        (("--listen", "127.0.0.1"), "loopback"),
+    ],
+)
+def test_a_robot_that_cannot_be_is_refused_with_one_sentence(arguments: tuple[str, ...], words: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "robots.agent.simulator", *arguments], cwd=ROOT, capture_output=True, text=True, timeout=30, check=False
+    )
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_busy_port_is_said_in_one_sentence() -> None:
+    with simulator(*QUIET) as robot:
+        done = subprocess.run(
+            [sys.executable, "-m", "robots.agent.simulator", "--listen", robot.address, *QUIET],
+            cwd=ROOT, capture_output=True, text=True, timeout=30, check=False,
+        )  # fmt: skip
+        assert done.returncode == 1
+        assert "cannot listen" in done.stderr
+
+
+def test_a_client_that_does_not_read_costs_no_memory_and_holds_nobody_up() -> None:
+    with simulator(*QUIET) as robot, socket.create_connection(("127.0.0.1", robot.port), timeout=5) as deaf:
+        deaf.sendall(framing.pack(wire.Hello("driver")))
+        onlooker = robot.onlooker()
+        begun = onlooker.truth().stamp
+        assert eventually(lambda: onlooker.truth().stamp > begun + 1.5, 10.0)
+        pages = int(Path(f"/proc/{robot.process.pid}/statm").read_text(encoding="ascii").split()[1])
+        assert pages * os.sysconf("SC_PAGE_SIZE") < 300e6
+        onlooker.close()
+
+
+def test_everything_is_closed_when_a_loop_ends_early() -> None:
+    async def visit(port: int) -> None:
+        _, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(framing.pack(wire.Hello("observer")))
+        writer.close()
+        await writer.wait_closed()
+
+    with simulator(*QUIET) as robot:
+        for _ in range(20):
+            asyncio.run(visit(robot.port))
+        onlooker = robot.onlooker()
+        assert onlooker.truth().docked is False
+        onlooker.close()

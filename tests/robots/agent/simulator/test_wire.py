@@ -1,0 +1,41 @@
+"""Messages between a simulator and its clients."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robots.agent import framing
+from robots.agent.simulator import wire
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        wire.Hello("driver"), wire.Drive(0.5, -0.1), wire.TiltTo(0.3), wire.SetDoors({"lab-door": "closed"}), wire.Shutdown(),
+        wire.AskTruth(), wire.AskHistory(3.0),
+    ],
+)  # fmt: skip
+def test_what_a_client_says_arrives(message: wire.Said) -> None:
+    packed = framing.pack(message)
+    assert framing.length(packed[: framing.HEADER]) == len(packed) - framing.HEADER
+    assert wire.unpack_command(packed[framing.HEADER :]) == message
+
+
+def test_what_the_simulator_says_arrives() -> None:
+    row = (1.0, 0.5, 0.0, 0.4, 0.0, 2.0, 3.0, 0.1)
+    for message in (wire.Welcome("giraff", "office", 7), wire.History((row,)), wire.Sound(b"abc"), wire.FrameReady(3, 1.5)):
+        assert wire.unpack_answer(framing.pack(message)[framing.HEADER :]) == message
+
+
+@given(st.binary(max_size=200))
+def test_bytes_that_are_no_message_are_refused_and_nothing_else(data: bytes) -> None:
+    for unpack in (wire.unpack_command, wire.unpack_answer):
+        try:
+            unpack(data)
+        except framing.WireError:
+            continue
+
+
+def test_a_browser_that_comes_by_is_refused_by_its_first_four_bytes() -> None:
+    with pytest.raises(framing.WireError):
+        framing.length(b"GET ")

@@ -1,0 +1,219 @@
+"""The agent as a whole: its processes, its ends, and its coming back."""
+
+import random
+import signal
+import statistics
+import subprocess
+import sys
+import threading
+import time
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from robots.agent.adapters.contract import AdapterError
+from robots.agent.agent import VERSION, Agent, factsheet_of, main, new_boot
+from robots.agent.config import AgentConfig, ConfigError
+from robots.agent.equipment import equipment_of
+from robots.agent.lab.in_force import Networks
+from robots.api import messages as m
+from robots.api import network_words
+from tests.support.agent_server import AgentServer
+from tests.support.control_rig import ListeningMedia
+from tests.support.mosquitto import Mosquitto
+from tests.support.mqtt_ear import Ear
+from tests.support.scripted_robot import ScriptedRobot
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+@pytest.fixture
+def broker(tmp_path):
+    with Mosquitto(tmp_path) as broker:
+        yield broker
+
+
+@pytest.fixture
+def ear(broker):
+    with Ear(broker.port) as ear:
+        yield ear
+
+
+def config(broker, tmp_path, **fields):
+    values = {
+        "robot": "giraff", "server": None, "mqtt_url": broker.url, "token": None, "ca": None, "adapter": "scripted", "profile": "giraff",
+        "options": {}, "viewers": 4, "var": tmp_path / "var",
+    } | fields  # fmt: skip
+    return AgentConfig(**values)
+
+
+class RunningAgent:
+    """An agent in a thread, with scripted robots."""
+
+    def __init__(self, config, *robots):
+        self.robots = list(robots) or [ScriptedRobot()]
+        self.made = []
+        self.agent = Agent(config, make_adapter=self._adapter, make_media=lambda *_: ListeningMedia(), rng=random.Random(1))
+        self._thread = threading.Thread(target=self.agent.run)
+
+    def _adapter(self, _config):
+        self.made.append(self.robots.pop(0) if len(self.robots) > 1 else self.robots[0])
+        return self.made[-1]
+
+    def __enter__(self):
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self.agent.stop()
+        self._thread.join(15.0)
+        assert not self._thread.is_alive()
+
+
+class BrokenRobot(ScriptedRobot):
+    """An adapter with a fault of its own."""
+
+    def apply(self, velocity):
+        raise ZeroDivisionError("a fault in an adapter")
+
+
+@pytest.mark.broker
+def test_an_agent_comes_online_reports_and_says_offline(broker, ear, tmp_path):
+    with RunningAgent(config(broker, tmp_path)):
+        sheet = ear.wait("factsheet")
+        assert sheet.capabilities == (*ScriptedRobot().profile.capabilities, "call", "network_lab")  # these are the agent's
+        assert sheet.limits.deadman == 0.3
+        assert ear.wait("state", lambda s: s.pose.x == 1.0).boot == sheet.boot
+    assert ear.wait("connection", lambda c: c.state == "OFFLINE").boot == sheet.boot
+
+
+@pytest.mark.broker
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_an_agent_whose_control_thread_dies_comes_back_with_a_new_boot(broker, ear, tmp_path):
+    with RunningAgent(config(broker, tmp_path), BrokenRobot(), ScriptedRobot()) as running:
+        first = ear.wait("state", lambda s: s.pose.x == 1.0).boot
+        ear.say("command/action", m.Stop(action_id="s1", stamp=0.0))
+        second = ear.wait("state", lambda s: s.boot != first and s.pose.x == 1.0)
+        assert second.boot > first
+        assert running.made[0].closed, "the old robot was let go of"
+        ear.say("command/action", m.Stop(action_id="s2", stamp=0.0))
+        ear.wait("state", lambda s: s.safety.stop_id == "s2")
+
+
+@pytest.mark.broker
+def test_an_agent_asks_its_server_for_the_broker(broker, ear, tmp_path):
+    answer = (200, {"robot": "giraff", "mqttUrl": broker.url, "iceServers": []})
+    with (
+        AgentServer((503, b""), answer) as server,
+        RunningAgent(config(broker, tmp_path, mqtt_url=None, server=server.url, token="t")),
+    ):
+        ear.wait("connection", lambda c: c.state == "ONLINE")
+
+
+@pytest.mark.broker
+def test_the_simulated_robot_drives_stops_and_is_left_by_a_signal(broker, ear, tmp_path):
+    command = [sys.executable, "-m", "robots.agent", "giraff", "--mqtt", broker.url, "--var", str(tmp_path / "var"), "--option", "camera=no"]
+    agent = subprocess.Popen(command, cwd=ROOT)
+    try:
+        ear.wait("state", lambda s: s.safety.inhibited == "no_lease", within=30.0)
+        drive_forwards(ear)
+        ear.say("command/action", m.Stop(action_id="s1", stamp=0.0))
+        ear.wait("state", lambda s: s.safety.stop_id == "s1")
+        ear.wait("state", lambda s: s.safety.stop_id == "s1" and s.velocity.linear == 0.0)
+        agent.send_signal(signal.SIGTERM)
+        assert agent.wait(20.0) == 0
+        assert ear.wait("connection", lambda c: c.state == "OFFLINE")
+    finally:
+        agent.kill()
+        agent.wait()
+
+
+def drive_forwards(ear, *, command_age=None, until=None):
+    """Give a lease, make the clocks known, and drive until the robot moves (or `until`), as a page on the MQTT way does."""
+    until = until or (lambda: any(s.velocity.linear > 0.1 for s in ear.all("state")[-3:]))
+    limits = m.LeaseLimits(command_age=command_age)
+    for number in range(1, 4):
+        beat, now = ear.wait("heartbeat", since=ear.count), time.time()
+        echo = m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=now)
+        ear.say("command/heartbeat", m.CommandHeartbeat(n=number, stamp=now, peer="p1", echo=echo))
+    for number in range(1, 400):
+        if number % 20 == 1:
+            lease = m.Lease(session="s1", epoch=1, peer="p1", who="Ada", renewal=number, stamp=time.time(), video="none", limits=limits)
+            ear.say("lease", lease)
+        speed = 0.0 if number < 5 else 0.3  # nothing pressed at first: a robot that has just come up waits for that
+        command = m.VelocityCommand(session="s1", epoch=1, seq=number, stamp=time.time(), linear=speed, angular=0.0, method="script")
+        ear.say("command/velocity", command)
+        if until():
+            return
+        time.sleep(0.04)
+    raise AssertionError(f"it does not move: {ear.all('state')[-1]}")
+
+
+@pytest.mark.broker
+def test_a_worse_network_makes_commands_older_by_about_its_delay(broker, tmp_path):
+    ages = {}
+    for words in ("delay=1", "delay=200,jitter=20"):
+        networks = Networks(network_words.parse(words, seed=7))
+        with Ear(broker.port) as ear, RunningAgent(config(broker, tmp_path / words, networks=networks)):
+            ear.wait("state", lambda s: s.safety.inhibited == "no_lease")
+            drive_forwards(ear, command_age=1.0, until=lambda ear=ear: len(commands_of(ear)) >= 20)
+            ages[words] = statistics.median(command.age for command in commands_of(ear))
+            assert ear.all("state")[-1].control_network.lab == networks.control
+    clean, worse = ages.values()
+    assert 0.1 < worse - clean < 0.8, ages
+
+
+def commands_of(ear):
+    """The commands that have reached the wheels."""
+    return [command for state in ear.all("state") for command in state.applied]
+
+
+def test_an_estop_is_let_go_of_by_whoever_stands_beside_the_robot(broker, tmp_path):
+    running = RunningAgent(config(broker, tmp_path, clear_estop=True))
+    running.agent._store.prepare()
+    (tmp_path / "var" / "agent" / "giraff" / "estop.json").write_text("unreadable")
+    with Ear(broker.port) as ear, running:
+        assert not ear.wait("state").safety.estop
+
+
+def test_what_cannot_work_ends_with_a_sentence(broker, tmp_path, capsys):
+    def refuse(_config):
+        raise AdapterError("no such profile")
+
+    with pytest.raises(ConfigError, match="no such profile"):
+        Agent(config(broker, tmp_path), make_adapter=refuse).run()
+    with pytest.raises(ConfigError, match="mqtt://"):
+        Agent(config(broker, tmp_path, mqtt_url="http://wrong")).run()
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigError, match="cannot keep an e-stop"):
+        Agent(config(broker, tmp_path, var=tmp_path / "file")).run()
+    assert main(["giraff", "--var", str(tmp_path / "empty")]) == 1
+    assert "where is the server" in capsys.readouterr().err
+
+
+def test_manage_py_runs_the_same_agent():
+    done = subprocess.run([sys.executable, "manage.py", "run_robot", "Not_A_Name"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert "cannot be a robot's name" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_boots_sort_by_time():
+    assert sorted(boots := [new_boot(at) for at in (1.0, 1.7e9, 1.8e9, 9e9)]) == boots
+
+
+def test_a_robot_with_a_camera_can_take_photos(broker, tmp_path):
+    robot = ScriptedRobot()
+    robot.video = object
+    settings = config(broker, tmp_path)
+    assert "photo" in factsheet_of(robot, equipment_of(robot, settings), settings, "b").capabilities
+
+
+def test_a_device_that_nobody_can_mean_ends_the_agent_with_a_sentence(broker, tmp_path):
+    with pytest.raises(ConfigError, match=r"^the loudspeaker 'talk\.mp4' is none"):
+        Agent(config(broker, tmp_path, loudspeaker="talk.mp4"), make_adapter=lambda _: ScriptedRobot()).run()
+
+
+def test_the_factsheet_says_the_projects_version():
+    assert tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"] == VERSION

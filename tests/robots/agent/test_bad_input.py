@@ -1,0 +1,134 @@
+"""Everything bad that can be said on a real data channel: refused with a reason, counted, and nothing moves; stops always pass."""
+
+import asyncio
+import json
+import random
+import time
+
+import pytest
+
+from robots.agent.media import MediaSide
+from robots.agent.motion import ZERO
+from robots.api import messages as m
+from robots.api.codec import encode_frame
+from tests.support.control_rig import ControlRig
+from tests.support.loopback_peer import Exchange, LoopbackPage, until
+from tests.support.synthetic_camera import SyntheticCamera, SyntheticMicrophone
+
+CASES = 420
+PACE = 1 / 100  # s, below what floods: every case shall reach the codec and the kernel
+A_STOP_EVERY = 20
+
+
+@pytest.fixture
+async def exchange():
+    return Exchange(asyncio.get_running_loop())
+
+
+@pytest.fixture
+async def rig(tmp_path, exchange):
+    rig = None
+    media = MediaSide(
+        video=SyntheticCamera(),
+        audio=SyntheticMicrophone(),
+        viewers=3,
+        on_frame=lambda peer, role, frame: rig.control.receive_frame(peer, role, frame),  # noqa: PLW0108 -- the rig comes later
+        reply=exchange.reply,
+    )
+    rig = ControlRig(tmp_path, media=media)
+    media.start()
+    await asyncio.to_thread(rig.__enter__)
+    yield rig
+    await asyncio.to_thread(rig.__exit__)
+    await asyncio.to_thread(media.close)
+
+
+def velocity(rig, **fields):
+    """A command of the driver with something wrong in it, as text, so that it may hold what no message can."""
+    rig.seq += 1
+    good = {"session": "s1", "epoch": 1, "seq": rig.seq, "stamp": time.time(), "linear": 0.5, "angular": 0.1, "method": "keyboard"}
+    return "command/velocity\n" + json.dumps(good | fields)
+
+
+def mangled(rig, noise):
+    text = list(velocity(rig))
+    for _ in range(noise.randrange(1, 6)):
+        text[noise.randrange(17, len(text))] = noise.choice('{}[]",:x\\\x00é')
+    broken = "".join(text)
+    try:
+        json.loads(broken.partition("\n")[2])
+    except ValueError:
+        return broken
+    return broken[: len(broken) // 2]
+
+
+# Each makes a frame that must not move the robot; the name is the reason that must be counted, "" where several fit.
+KINDS = {
+    "malformed noise": lambda rig, noise: noise.randbytes(noise.randrange(1, 300)),
+    "malformed json": mangled,
+    "malformed range": lambda rig, noise: velocity(rig, linear=noise.choice((1e3, -1e9, 10.1, 1e300))),
+    "malformed turn": lambda rig, noise: velocity(rig, angular=noise.choice((99.0, -20.5))),
+    "malformed NaN": lambda rig, noise: velocity(rig, linear=noise.choice((float("nan"), float("inf"), float("-inf")))),
+    "malformed type": lambda rig, noise: velocity(rig, seq=noise.choice(("1", None, 1.5, -1, 2**60))),
+    "malformed method": lambda rig, noise: velocity(rig, method=noise.choice(("thought", "", 7, None))),
+    "malformed action": lambda rig, noise: "command/action\n" + json.dumps({"type": noise.choice(("fly", "", "goto", None)), "actionId": "§"}),
+    "oversized": lambda rig, noise: "command/velocity\n" + " " * noise.randrange(5_000, 40_000),
+    "stale": lambda rig, noise: velocity(rig, stamp=time.time() - noise.uniform(1.5, 1e5)),
+    "future": lambda rig, noise: velocity(rig, stamp=time.time() + noise.uniform(0.5, 1e5)),
+    "wrong_session": lambda rig, noise: velocity(rig, session=f"s{noise.randrange(2, 99)}"),
+    "wrong_epoch": lambda rig, noise: velocity(rig, epoch=noise.choice((0, 2, 3, 2**40))),
+    "old_seq": lambda rig, noise: velocity(rig, seq=noise.choice((0, 1))),
+    "not_from_server": lambda rig, noise: encode_frame(
+        noise.choice(("lease", "config", "signal/p1", "floorplan")), m.Bye(reason="x")
+    ),
+}  # fmt: skip
+
+
+async def test_hundreds_of_bad_messages_through_a_real_data_channel_move_nothing_and_stops_always_pass(rig, exchange):
+    await asyncio.to_thread(rig.lease)
+    driver = LoopbackPage(rig.media, exchange, "p1", decode=False)
+    observer = LoopbackPage(rig.media, exchange, "p2", decode=False)
+    try:
+        await driver.connect("driver")
+        await observer.connect("observer")
+        await asyncio.to_thread(rig.grant, renewal=1)
+        await sends_nonsense(rig, driver, observer)
+    finally:
+        await driver.close()
+        await observer.close()
+
+
+async def sends_nonsense(rig, driver, observer):
+    noise, began = random.Random(11), time.monotonic()
+    kinds = list(KINDS)
+    for number in range(CASES):
+        await asyncio.sleep(PACE)
+        name = kinds[number % len(kinds)]
+        driver.channel.send(KINDS[name](rig, noise))
+        observer.channel.send(velocity(rig))
+        if number % 40 == 0:
+            await asyncio.to_thread(rig.lease, renewal=2 + number)
+        if number % A_STOP_EVERY == 0:
+            await a_stop_passes(rig, (driver, observer)[number // A_STOP_EVERY % 2], f"stop-{number}")
+    refused = await until(lambda: enough(rig), 10, f"all refusals: {counted(rig)}")
+    assert all(speed == ZERO for _, speed in rig.robot.velocities(began)), "something moved"
+    assert set(refused) >= {"malformed", "oversized", "stale", "future", "wrong_session", "wrong_epoch", "old_seq", "not_from_server", "observer"}
+
+
+async def a_stop_passes(rig, page, action_id):
+    page.channel.send(encode_frame("command/action", m.Stop(action_id=action_id, stamp=0.0)))
+    # Unreliable as the channel is, what is sent on loopback arrives; one that was refused would never be echoed.
+    await until(lambda: any(s.safety.stop_id == action_id for s in rig.link.all("state")), 5, f"the echo of {action_id}")
+
+
+def counted(rig):
+    total = {}
+    for state in rig.link.all("state"):
+        for reason, count in state.refused.items():
+            total[reason] = total.get(reason, 0) + count
+    return total
+
+
+def enough(rig):
+    total = counted(rig)
+    return total if sum(total.values()) >= 2 * CASES * 0.99 else None

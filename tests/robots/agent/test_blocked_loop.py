@@ -1,0 +1,41 @@
+"""A control loop that is stuck, with the simulated robot in its own process: the base's watchdog stops it, and nothing starts it again."""
+
+import time
+
+import pytest
+
+from robots.agent.adapters.simulator import create
+from tests.support.control_rig import ControlRig
+from tests.support.truth import Onlooker
+
+WATCHDOG = 0.3  # s, the simulated base's own
+STEP = 0.02  # s: the simulator's step and the agent's tick are seen at this grain
+LOADED = 0.1  # s by which a busy machine may hold up what is said before the loop is blocked
+BRAKING = 0.8  # m/s²
+
+
+@pytest.fixture
+def robot():
+    return create("giraff", {"start": "corridor-centre", "camera": "no"})
+
+
+def test_a_loop_that_is_blocked_for_two_seconds_leaves_the_stopping_to_the_base(tmp_path, robot):
+    with ControlRig(tmp_path, robot=robot) as rig:
+        truth = Onlooker(int(robot.address.rpartition(":")[2]))
+        rig.grant()
+        rig.drive(0.4, until=lambda: truth.truth().linear > 0.39, within=15)
+        rig.control._loop.call_soon_threadsafe(time.sleep, 2.0)
+        blocked_at = time.time()
+        rig.wait(lambda: time.time() > blocked_at + 1.5)
+        for _ in range(20):
+            rig.push(0.4)  # they wait in the loop until it goes on, and are stale by then
+        rig.wait(lambda: time.time() > blocked_at + 1.9)
+        history = [row for row in truth.history(5) if row.stamp > blocked_at]
+        brakes = next(row for row in history if row.linear < 0.38)
+        assert brakes.stamp - blocked_at <= WATCHDOG + 2 * STEP + LOADED
+        stands = next(row for row in history if abs(row.linear) < 1e-3)
+        assert stands.stamp - brakes.stamp <= 0.4 / BRAKING + 2 * STEP
+        rig.link.wait("state", lambda s: s.refused.get("stale"), within=10)
+        rig.wait(lambda: time.time() > blocked_at + 3.0)
+        assert all(abs(row.linear) < 1e-3 for row in truth.history(1.0)), "commands of before moved the robot"
+        truth.close()

@@ -1,0 +1,166 @@
+"""What an agent is told, and the one sentence it says when that is not enough."""
+
+import argparse
+import random
+
+import pytest
+
+from robots.agent.backoff import Backoff
+from robots.agent.config import ConfigError, add_arguments, load
+from robots.agent.lab.in_force import CLEAN
+from robots.agent.rendezvous import broker_urls
+from robots.api.messages import NetworkLab
+from tests.support.agent_server import AgentServer
+
+
+def told(*arguments, environment=None):
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    return load(vars(parser.parse_args(list(arguments))), environment or {})
+
+
+@pytest.fixture
+def credentials(tmp_path):
+    file = tmp_path / "giraff.toml"
+    file.write_text('robot = "giraff"\ntoken = "from-file"\nserver = "https://file.example"\nviewers = 3\n[options]\nseed = 7\n')
+    return file
+
+
+def test_a_credentials_file_says_everything(credentials):
+    config = told("giraff", "--credentials", str(credentials))
+    assert (config.server, config.mqtt_url, config.token, config.viewers) == ("https://file.example", None, "from-file", 3)
+    assert (config.adapter, config.profile, config.options) == ("simulator", "giraff", {"seed": 7})
+
+
+def test_the_command_line_overrules_the_environment_and_that_the_file(credentials):
+    environment = {"TELEPRESENCE_CREDENTIALS": str(credentials), "TELEPRESENCE_SERVER": "https://env.example", "TELEPRESENCE_VIEWERS": "5"}
+    config = told("giraff", environment=environment)
+    assert (config.server, config.viewers) == ("https://env.example", 5)
+    config = told("giraff", "--server", "https://line.example/", "--option", "seed=8", "--option", "plan=office", environment=environment)
+    assert config.server == "https://line.example"
+    assert config.options == {"seed": "8", "plan": "office"}
+
+
+def test_on_the_servers_own_machine_the_name_is_enough(tmp_path):
+    (tmp_path / "credentials").mkdir()
+    (tmp_path / "credentials" / "giraff.toml").write_text('robot = "giraff"\ntoken = "t"\nmqtt_url = "mqtt://127.0.0.1:1883"\n')
+    config = told("giraff", "--var", str(tmp_path))
+    assert (config.mqtt_url, config.server, config.token) == ("mqtt://127.0.0.1:1883", None, "t")
+
+
+def test_a_server_on_the_command_line_overrules_a_broker_in_the_file(tmp_path):
+    file = tmp_path / "c.toml"
+    file.write_text('token = "t"\nmqtt_url = "mqtt://old.example"\n')
+    config = told("giraff", "--server", "https://new.example", "--credentials", str(file))
+    assert (config.server, config.mqtt_url) == ("https://new.example", None)
+
+
+def test_networks_are_written_in_milliseconds_percent_and_kbit_a_second():
+    networks = told(
+        "giraff", "--mqtt", "mqtt://x", "--control-network", "delay=150,jitter=30,loss=2", "--video-network", "rate=400", "--network-seed", "7"
+    ).networks
+    assert networks.control == NetworkLab(delay=0.15, jitter=0.03, loss=0.02, seed=7)
+    assert networks.video == NetworkLab(bitrate=400_000.0, seed=8)
+    assert told("giraff", "--mqtt", "mqtt://x").networks == CLEAN
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["giraff", "--mqtt", "mqtt://x", "--control-network", "delay=soon"], "--control-network: delay is a number of milliseconds from 0 to 10000"),
+        (["giraff", "--mqtt", "mqtt://x", "--video-network", "fast"], "--video-network: 'fast' says nothing about a network"),
+        (["giraff", "--mqtt", "mqtt://x", "--network-seed", "-1"], "--network-seed is a whole number from 0 to 2147483647, not '-1'"),
+        (["Giraff!"], "cannot be a robot's name"),
+        (["server", "--mqtt", "mqtt://x"], "cannot be a robot's name"),
+        (["giraff"], "where is the server"),
+        (["giraff", "--server", "https://x", "--mqtt", "mqtt://x"], "exclude each other"),
+        (["giraff", "--server", "x.example"], "begins with https"),
+        (["giraff", "--server", "https://x.example"], "asks for credentials"),
+        (["giraff", "--mqtt", "mqtt://x", "--option", "seed"], "NAME=VALUE"),
+        (["giraff", "--mqtt", "mqtt://x", "--viewers", "1000"], "between 0 and 64"),
+        (["giraff", "--credentials", "/nowhere.toml"], "cannot be read"),
+    ],
+)
+def test_what_is_missing_is_said_in_one_sentence(tmp_path, arguments, sentence):
+    with pytest.raises(ConfigError, match=sentence) as error:
+        told(*arguments, "--var", str(tmp_path))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        ('robot = "rhodon"\n', "is of the robot 'rhodon'"),
+        ("token = \n", "is not TOML"),
+        ("token = [1]\n", "token is not what it should be"),
+        ("options = 3\n", "options is not what it should be"),
+    ],
+)
+def test_a_credentials_file_that_is_wrong_is_named(tmp_path, content, sentence):
+    file = tmp_path / "c.toml"
+    file.write_text(content)
+    with pytest.raises(ConfigError, match=sentence):
+        told("giraff", "--mqtt", "mqtt://x", "--credentials", str(file))
+
+
+def test_the_token_is_not_in_what_is_printed(credentials):
+    assert "from-file" not in repr(told("giraff", "--credentials", str(credentials)))
+
+
+# --- asking the server -------------------------------------------------------------------------------------------------
+
+GOOD = (200, {"robot": "giraff", "mqttUrl": "mqtt://broker.example:1883", "iceServers": []})
+
+
+def ask(server, *, give_up_after=10):
+    config = told("giraff", "--server", server.url, environment={"TELEPRESENCE_TOKEN": "secret"})
+    waits = []
+
+    def pause(seconds):
+        waits.append(seconds)
+        return len(waits) >= give_up_after
+
+    return broker_urls(config, Backoff(random.Random(1), first=0.001), pause), waits
+
+
+def test_the_server_says_where_the_broker_is():
+    with AgentServer(GOOD) as server:
+        assert ask(server) == (("mqtt://broker.example:1883",), [])
+    assert server.asked == [("/api/v1/agent/", "Bearer giraff:secret")]
+
+
+def test_of_several_ways_to_the_broker_the_agent_is_told_all_in_their_order():
+    ways = ["mqtts://broker.example:8883", "wss://broker.example/mqtt"]
+    with AgentServer((200, {"robot": "giraff", "mqttUrl": ways[0], "mqttUrls": ways})) as server:
+        assert ask(server) == (tuple(ways), [])
+    config = told("giraff", "--mqtt", ", ".join(ways))
+    assert broker_urls(config, Backoff(random.Random(1)), lambda _: True) == tuple(ways)
+
+
+@pytest.mark.parametrize("bad", [(500, b""), (429, {}), (200, b"<html>"), (200, {"robot": "giraff"}), (200, [])])
+def test_a_server_that_is_unwell_is_asked_again(bad):
+    with AgentServer(bad, bad, GOOD) as server:
+        urls, waits = ask(server)
+    assert urls == ("mqtt://broker.example:1883",)
+    assert len(waits) == 2
+
+
+def test_a_server_that_is_away_is_asked_until_the_agent_is_to_end():
+    server = AgentServer(GOOD)
+    server._server.server_close()
+    assert ask(server, give_up_after=3)[0] is None
+
+
+@pytest.mark.parametrize(
+    ("answer", "sentence"),
+    [
+        ((401, {}), "refused the credentials"),
+        ((403, {}), "refused the credentials"),
+        ((404, b""), "no telepresence server"),
+        ((200, {"robot": "rhodon", "mqttUrl": "mqtt://x"}), "credentials of 'rhodon'"),
+        ((200, {"robot": "rhodon", "mqttUrls": ["mqtt://x", 1]}), "credentials of 'rhodon'"),
+    ],
+)
+def test_what_asking_again_cannot_mend_ends_the_agent_with_a_sentence(answer, sentence):
+    with AgentServer(answer) as server, pytest.raises(ConfigError, match=sentence):
+        ask(server)

@@ -1,0 +1,593 @@
+"""The control loop as a whole: in its thread, in real time, with a scripted robot and a broker in memory."""
+
+import asyncio
+import hashlib
+import random
+import sys
+import threading
+import time
+
+import av
+import pytest
+
+from robots.agent.motion import ZERO
+from robots.agent.priority import nice, set_nice
+from robots.api import messages as m
+from robots.api import picture
+from tests.support.control_rig import ControlRig
+from tests.support.lateness import watched
+from tests.support.scripted_robot import WATCHDOG, ScriptedRobot, still
+
+
+@pytest.fixture
+def rig(tmp_path):
+    with ControlRig(tmp_path) as rig:
+        yield rig
+
+
+def stamped(kind, action_id="a1", **fields):
+    return kind(action_id=action_id, stamp=time.time(), **fields)
+
+
+def staff(kind, action_id="a1", **fields):
+    return stamped(kind, action_id, role="staff", user="ops", **fields)
+
+
+def own(kind, action_id="a1", **fields):
+    return stamped(kind, action_id, session="s1", epoch=1, **fields)
+
+
+# --- driving -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("way", ["datachannel", "mqtt"])
+def test_a_command_reaches_the_base_on_arrival_on_either_way(rig, way):
+    rig.grant()
+    rig.drive(0.5, way=way)
+    applied = rig.link.wait("state", lambda s: any(c.linear > 0.0 for c in s.applied)).applied
+    assert {c.way for c in applied if c.linear > 0.0} == {way}
+    assert all(-0.1 < c.age < 0.25 for c in applied)
+
+
+def test_a_command_is_applied_sooner_than_the_next_tick(rig):
+    rig.grant()
+    delays = []
+    for _ in range(30):
+        before = time.monotonic()
+        rig.push(0.3)
+        rig.wait(lambda at=before: rig.robot.velocities(at))
+        delays.append(rig.robot.velocities(before)[0][0] - before)
+        time.sleep(0.013)
+    assert sorted(delays)[len(delays) // 2] < 0.01
+
+
+def test_every_applied_command_is_in_exactly_one_state(rig):
+    rig.grant()
+    rig.drive(0.5)
+    for _ in range(40):
+        rig.push(0.5)
+        time.sleep(0.02)
+    last = rig.seq
+    rig.link.wait("state", lambda s: any(c.seq == last for c in s.applied))
+    seqs = [c.seq for s in rig.link.all("state") for c in s.applied]
+    refused = sum(sum(s.refused.values()) for s in rig.link.all("state"))
+    assert len(seqs) == len(set(seqs))
+    assert len(seqs) + refused == last
+
+
+def test_the_base_is_told_to_stop_within_350_ms_of_the_last_accepted_command(rig):
+    rig.grant()
+    gaps = []
+    with watched() as computer:
+        for _ in range(5):
+            began = time.time()
+            rig.drive(0.5)
+            rig.push(0.5)
+            rig.wait(lambda: any(v.linear < 0.49 for _, v in rig.robot.velocities()[-3:]))
+            rig.wait(lambda: rig.robot.told == ZERO)
+            accepted = max(rig.kernel._accepted_at, 0.0)
+            first_slower = next(at for at, v in rig.robot.velocities(accepted) if v.linear < 0.49)
+            gaps.append((first_slower - accepted, computer.excuse(began, time.time())))
+    assert all(gap <= 0.35 + late for gap, late in gaps), gaps
+    assert min(gap for gap, _ in gaps) >= 0.29, gaps
+
+
+def test_a_loop_that_is_blocked_is_stopped_by_the_watchdog_and_does_not_start_the_base_again(rig):
+    rig.grant()
+    rig.drive(0.5)
+    blocked_at = time.monotonic()
+    rig.control._loop.call_soon_threadsafe(time.sleep, 2.0)
+    rig.wait(lambda: time.monotonic() > blocked_at + 1.0)
+    assert rig.robot.base_at(time.monotonic()) == ZERO, "the watchdog of the base is what stops it"
+    for _ in range(20):
+        rig.push(0.5)
+    rig.wait(lambda: rig.robot.velocities(blocked_at + 1.5))
+    after = [v.linear for at, v in rig.robot.velocities(blocked_at + 0.5) if at < blocked_at + 2.3]
+    assert rig.robot.base_at(blocked_at + WATCHDOG + 0.3) == ZERO
+    assert max(after) < 0.5 - 1e-6, "commands that waited are stale and nothing goes on from the old speed"
+
+
+def test_an_observers_commands_are_refused_and_counted_and_its_stop_is_obeyed(rig):
+    rig.grant()
+    rig.drive(0.5)
+    for _ in range(3):
+        rig.push(0.7, peer="p2", role="observer")
+    rig.link.wait("state", lambda s: s.refused.get("observer", 0) > 0)
+    assert rig.robot.told.linear <= 0.5
+    rig.act(stamped(m.Stop, "stop-1", seq=5), way="datachannel", peer="p2")
+    state = rig.link.wait("state", lambda s: s.safety.stop_id == "stop-1")
+    assert state.safety.inhibited == "stopped"
+    rig.wait(lambda: rig.robot.told == ZERO)
+
+
+def test_only_a_pages_own_messages_are_taken_from_a_data_channel(rig):
+    rig.grant()
+    rig.frame("lease", m.Lease(session="s9", epoch=99, peer="p2", who="Eve", renewal=9, stamp=time.time()), peer="p2")
+    rig.frame("config", m.Config(stamp=0.0, doors={"north": "open"}), peer="p2")
+    rig.frame("signal/p2", m.Bye(reason="x"), peer="p2")
+    rig.control.receive_frame("p2", "driver", b"\xff\x00nonsense")
+    rig.control.receive_frame("p2", "driver", "state\n{}")
+    state = rig.link.wait("state", lambda s: s.refused.get("not_from_server", 0) == 3)
+    assert state.epoch == 1
+    assert rig.media.signals == []
+    assert rig.robot.configs == []
+
+
+def test_a_role_that_a_page_gives_itself_is_worth_nothing(rig):
+    rig.robot.finishes = False
+    rig.grant()
+    rig.act(own(m.Dock, role="server"), way="datachannel")
+    rig.status("a1", "RUNNING")
+    assert not rig.kernel.navigation.ordered_by_server
+    rig.act(stamped(m.ClearEStop, "c1", role="owner", user="Eve"), way="datachannel")
+    assert rig.status("c1", "FAILED").reason == "not_from_server"
+
+
+def test_300_bad_messages_of_every_kind_are_refused_and_the_loop_goes_on(rig):
+    rig.grant()
+    noise = random.Random(3)
+    kinds = [
+        lambda: rig.control.receive_frame("p1", "driver", noise.randbytes(noise.randrange(200))),
+        lambda: rig.control.receive_frame("p1", "driver", "command/velocity\n" + '{"linear": NaN}'),
+        lambda: rig.control.receive_frame("p1", "driver", "command/velocity\n" + " " * 5000),
+        lambda: rig.link.say_bytes("command/velocity", noise.randbytes(100)),
+        lambda: rig.link.say_bytes("command/action", b'{"type":"goto","actionId":"x","stamp":1e400}'),
+        lambda: rig.push(0.5, stamp=time.time() - 5),
+        lambda: rig.push(0.5, stamp=time.time() + 5),
+        lambda: rig.push(0.5, epoch=7),
+        lambda: rig.push(0.5, session="other"),
+        lambda: rig.push(0.5, seq=0),
+    ]
+    for number in range(300):
+        kinds[number % len(kinds)]()
+        if number % 30 == 0:
+            time.sleep(0.01)
+    rig.wait(lambda: sum(sum(s.refused.values()) for s in rig.link.all("state")) >= 300)
+    reasons = {reason for s in rig.link.all("state") for reason in s.refused}
+    assert {"malformed", "oversized", "stale", "future", "wrong_epoch", "wrong_session"} <= reasons
+    assert all(v == ZERO for _, v in rig.robot.velocities())
+    rig.act(stamped(m.Stop, "stop-9"), way="datachannel", peer="p7")
+    rig.link.wait("state", lambda s: s.safety.stop_id == "stop-9")
+
+
+# --- lease -------------------------------------------------------------------------------------------------------------
+
+
+def test_a_session_ends_with_the_seq_of_its_last_state(rig):
+    rig.grant()
+    rig.drive(0.5)
+    rig.link.say("lease", None)
+    closed = rig.link.wait("event", lambda e: e.type == "session_closed")
+    states = [s for s in rig.link.all("state") if s.session == "s1"]
+    assert closed.session == "s1"
+    assert closed.last_seq == states[-1].seq
+    seen = rig.link.count
+    assert rig.link.wait("state", since=seen).session is None
+    assert rig.media.drivers == ["p1", None]
+    rig.wait(lambda: rig.robot.told == ZERO)
+
+
+def test_a_lease_that_is_not_renewed_expires_and_says_so(rig):
+    rig.grant(ttl=1.2)
+    rig.drive(0.5)
+    rig.link.wait("event", lambda e: e.type == "lease_expired")
+    rig.link.wait("event", lambda e: e.type == "session_closed")
+    assert rig.push(0.5)
+    rig.link.wait("state", lambda s: s.refused.get("no_lease"))
+    rig.wait(lambda: rig.robot.told == ZERO)
+
+
+def test_another_driver_takes_over_with_a_new_epoch_and_the_old_one_is_unbound_at_once(rig):
+    rig.grant()
+    rig.drive(0.5)
+    rig.lease(session="s2", epoch=2, peer="p2")
+    rig.link.wait("event", lambda e: e.type == "session_closed" and e.session == "s1")
+    rig.link.wait("event", lambda e: e.type == "lease_taken" and e.session == "s2")
+    rig.push(0.5)
+    rig.link.wait("state", lambda s: s.refused.get("observer"))
+    assert rig.media.drivers[-1] == "p2"
+
+
+def test_the_same_session_goes_on_with_a_new_epoch_without_being_closed(rig):
+    rig.grant()
+    rig.lease(epoch=2, peer="p3")
+    rig.link.wait("event", lambda e: e.type == "lease_taken" and e.epoch == 2)
+    assert not [e for e in rig.link.all("event") if e.type == "session_closed"]
+
+
+def test_a_stored_lease_names_the_session_and_permits_nothing(rig):
+    rig.lease(retained=True)
+    rig.link.wait("state", lambda s: s.session == "s1" and s.safety.inhibited == "no_lease")
+    rig.know_clock()
+    rig.push(0.5)
+    rig.link.wait("state", lambda s: s.refused.get("no_lease"))
+    assert rig.robot.velocities() == []
+
+
+# --- stop and e-stop ---------------------------------------------------------------------------------------------------
+
+
+def test_a_stop_is_echoed_at_once_and_answered(rig):
+    rig.grant()
+    rig.drive(0.5)
+    begun = time.monotonic()
+    rig.act(own(m.Stop, "stop-1", seq=rig.seq + 1), way="datachannel")
+    state = rig.link.wait("state", lambda s: s.safety.stop_id == "stop-1")
+    assert time.monotonic() - begun < 0.2
+    assert state.safety.stop_seq == rig.seq + 1
+    rig.status("stop-1", "FINISHED")
+    rig.link.wait("event", lambda e: e.type == "stopped" and e.action_id == "stop-1")
+    rig.wait(lambda: rig.robot.told == ZERO)
+
+
+def test_an_estop_survives_a_restart_of_the_agent_and_is_cleared_by_staff(tmp_path):
+    with ControlRig(tmp_path) as rig:
+        rig.grant()
+        rig.drive(0.5)
+        rig.act(stamped(m.EStop, "e1", role="observer", user="Eve", detail="a child"))
+        rig.status("e1", "FINISHED")
+        rig.wait(lambda: rig.robot.told == ZERO)
+    with ControlRig(tmp_path, boot="boot-2") as rig:
+        state = rig.link.wait("state")
+        assert state.safety.estop
+        assert state.safety.estop_source == "observer:Eve"
+        assert state.mode == "stopped"
+        rig.grant(epoch=2)
+        rig.push(0.5, epoch=2)
+        rig.link.wait("state", lambda s: s.refused.get("estop"))
+        rig.act(staff(m.ClearEStop, "c1"))
+        rig.status("c1", "FINISHED")
+        cleared = rig.link.wait("event", lambda e: e.type == "estop_cleared")
+        assert cleared.detail == "staff:ops"
+    with ControlRig(tmp_path, boot="boot-3") as rig:
+        assert not rig.link.wait("state").safety.estop
+
+
+def test_the_robots_own_button_latches_and_is_reported(rig):
+    rig.grant()
+    rig.drive(0.5)
+    rig.robot.reading = still(estop=True)
+    event = rig.link.wait("event", lambda e: e.type == "estop")
+    assert event.detail == "button button"
+    rig.robot.reading = still()
+    rig.wait(lambda: rig.robot.told == ZERO)
+    rig.wait(lambda: not rig.kernel.button_pressed)
+    rig.act(staff(m.ClearEStop, "c1"))
+    assert rig.status("c1", "FAILED").reason == "owner_only"
+    rig.act(stamped(m.ClearEStop, "c2", role="owner", user="Ada"))
+    rig.status("c2", "FINISHED")
+
+
+def test_a_disk_that_is_full_does_not_keep_an_estop_from_latching(rig):
+    def full(_latch):
+        raise OSError(28, "No space left on device")
+
+    rig.store.keep_latch = full
+    rig.act(stamped(m.EStop, "e1"))
+    rig.status("e1", "FINISHED")
+    assert rig.kernel.latch
+    rig.link.wait("state", lambda s: any("No space left" in error for error in s.errors))
+
+
+# --- actions -----------------------------------------------------------------------------------------------------------
+
+
+def test_an_action_is_done_once_however_often_it_is_asked_for(rig):
+    rig.grant()
+    tilt = own(m.Tilt, angle=0.2)
+    for _ in range(3):
+        rig.act(tilt, way="datachannel")
+    rig.status("a1", "FINISHED")
+    rig.act(tilt, way="datachannel")
+    rig.wait(lambda: [a.status for a in rig.link.all("action") if a.action_id == "a1"].count("FINISHED") >= 2)
+    assert len(rig.robot.started) == 1
+
+
+def test_an_action_that_the_robot_refuses_has_failed_with_its_reason(rig):
+    rig.grant()
+    rig.robot.refuses = "the arm is in the way"
+    rig.act(own(m.Goto, x=1.0, y=1.0))
+    assert rig.status("a1", "FAILED").reason == "the arm is in the way"
+    assert rig.kernel.navigation is None
+
+
+def test_manual_input_cancels_navigation_at_the_adapter(rig):
+    rig.robot.finishes = False
+    rig.grant()
+    rig.act(own(m.Goto, x=1.0, y=1.0))
+    rig.link.wait("state", lambda s: s.mode == "goto")
+    rig.drive(0.4)
+    rig.wait(lambda: rig.robot.cancelled == ["a1"])
+    assert rig.status("a1", "CANCELLED").reason == "manual"
+
+
+def test_navigation_ends_when_the_driver_is_no_longer_heard(rig):
+    rig.robot.finishes = False
+    rig.grant()
+    rig.act(own(m.Goto, x=1.0, y=1.0))
+    rig.status("a1", "RUNNING")
+    begun = time.monotonic()
+    assert rig.status("a1", "CANCELLED").reason == "heartbeat_lost"
+    assert 1.7 < time.monotonic() - begun < 6.0
+
+
+def test_a_stop_cancels_an_action_that_the_robot_has_not_even_answered(rig):
+    rig.robot.hanging = True
+    rig.grant()
+    rig.act(own(m.Goto, x=1.0, y=1.0))
+    rig.status("a1", "WAITING")
+    rig.act(stamped(m.Stop, "stop-1"), way="datachannel", peer="p2")
+    rig.wait(lambda: rig.robot.cancelled == ["a1"])
+    assert rig.status("a1", "CANCELLED").reason == "stopped"
+    rig.wait(rig.robot.velocities)
+    assert rig.robot.told == ZERO
+
+
+def test_reaching_a_goal_is_an_event_and_frees_the_robot(rig):
+    rig.grant()
+    rig.act(own(m.Goto, x=1.0, y=1.0))
+    assert rig.link.wait("event", lambda e: e.type == "goal_reached").action_id == "a1"
+    rig.wait(lambda: rig.kernel.navigation is None)
+
+
+def test_cancelling_ends_what_runs_or_says_that_nothing_does(rig):
+    rig.robot.finishes = False
+    rig.act(staff(m.Cancel, "c0"))
+    assert rig.status("c0", "FAILED").reason == "nothing_runs"
+    rig.grant()
+    rig.act(own(m.Tilt, "t1", angle=0.1))
+    rig.status("t1", "RUNNING")
+    rig.act(own(m.Cancel, "c1", target="t1"))
+    rig.status("c1", "FINISHED")
+    rig.status("t1", "CANCELLED")
+    rig.act(own(m.Goto, "g1", x=0.0, y=0.0))
+    rig.status("g1", "RUNNING")
+    rig.act(own(m.Cancel, "c2"))
+    rig.status("g1", "CANCELLED")
+
+
+def test_a_photo_is_a_jpeg_whose_hash_stands_in_the_event(rig):
+    rig.act(staff(m.Photo, "photo-1"))
+    done = rig.status("photo-1", "FINISHED")
+    jpeg = rig.link.wait("photo/photo-1")
+    event = rig.link.wait("event", lambda e: e.type == "photo")
+    assert event.sha256 == hashlib.sha256(jpeg).hexdigest() == done.result["sha256"]
+    assert done.result["stamp"] == 123.0
+    picture = next(av.CodecContext.create("mjpeg", "r").decode(av.Packet(jpeg)).__iter__())
+    assert (picture.width, picture.height) == (64, 48)
+
+
+def test_a_photo_without_a_picture_has_failed(rig):
+    rig.media.picture = None
+    rig.act(staff(m.Photo))
+    assert rig.status("a1", "FAILED").reason == "no_picture"
+
+
+def test_states_are_said_again_from_the_agents_buffer(rig):
+    rig.grant()
+    rig.wait(lambda: len(rig.link.all("state")) >= 6)
+    first_time = {s.seq: s for s in rig.link.all("state")}
+    seen = rig.link.count
+    rig.act(stamped(m.ResendStates, "r1", role="server", boot="boot-1", first=2, last=4))
+    done = rig.status("r1", "FINISHED")
+    again = [message for name, message in rig.link.sent[seen:] if name == "state" and message.seq in {2, 3, 4}]
+    assert [s.seq for s in again] == [2, 3, 4]
+    assert all(s == first_time[s.seq] for s in again)
+    assert done.result == {"sent": 3.0, "missing": 0.0}
+    rig.act(stamped(m.ResendStates, "r2", role="server", boot="another", first=2, last=4))
+    assert rig.status("r2", "FAILED").reason == "unknown_boot"
+
+
+# --- what the robot says -----------------------------------------------------------------------------------------------
+
+
+def test_states_come_four_times_a_second_and_count_without_a_gap(rig):
+    begun = len(rig.link.all("state"))
+    at = time.monotonic()
+    rig.wait(lambda: len(rig.link.all("state")) >= begun + 12)
+    assert 2.6 < time.monotonic() - at < 6.0
+    seqs = [s.seq for s in rig.link.all("state")]
+    assert seqs == list(range(1, len(seqs) + 1))
+
+
+def test_heartbeats_go_out_on_both_ways_with_the_echo_of_each_way(rig):
+    rig.beat("p1", way="datachannel")
+    rig.beat("p1", way="mqtt")
+    beat = rig.link.wait("heartbeat", lambda h: len(h.echoes) == 2)
+    assert {echo.n for echo in beat.echoes} == {1, 2}
+    rig.wait(lambda: any(name == "heartbeat" and len(message.echoes) == 2 for name, message in rig.media.told))
+
+
+def test_a_page_gets_what_it_shows_and_nothing_of_the_record(rig):
+    rig.robot.reading = still(
+        velocity=m.Velocity(linear=0.3, angular=0.0),
+        scan=m.Scan(stamp=1.0, angle_min=-1.0, angle_increment=0.1, range_max=5.0, ranges=(1.0, None, 9.0)),
+    )
+    rig.wait(lambda: {"state", "pose", "scan", "heartbeat"} <= {name for name, _ in rig.media.told})
+    assert rig.link.wait("scan").ranges == (1.0, None, None), "what is beyond the laser's range is no range"
+    assert not {name for name, _ in rig.media.told} & {"connection", "factsheet", "photo"}
+
+
+def test_poses_come_at_most_fifteen_times_a_second_and_only_while_something_moves(rig):
+    rig.wait(lambda: len(rig.link.all("state")) >= 3)
+    assert rig.link.all("pose") == []
+    rig.robot.reading = still(velocity=m.Velocity(linear=0.3, angular=0.0))
+    rig.link.wait("pose")
+    seen, at = len(rig.link.all("pose")), time.monotonic()
+    rig.wait(lambda: time.monotonic() > at + 1.0)
+    assert 8 <= len(rig.link.all("pose")) - seen <= 16
+
+
+def test_docking_collisions_and_a_lost_localization_are_events(rig):
+    rig.wait(lambda: rig.link.all("state"))
+    rig.robot.reading = still(
+        docked=True, battery=m.Battery(charge=0.5, charging=True), contacts=1, pose=m.Pose(x=0.0, y=0.0, theta=0.0, localized=False)
+    )
+    for kind in ("docked", "charging", "collision", "localization_lost"):
+        rig.link.wait("event", lambda e, kind=kind: e.type == kind)
+    rig.robot.reading = still(contacts=1)
+    for kind in ("undocked", "localization_found"):
+        rig.link.wait("event", lambda e, kind=kind: e.type == kind)
+    rig.link.wait("state", lambda s: s.contacts)
+    assert sum(s.contacts for s in rig.link.all("state")) == 1
+
+
+def test_while_the_broker_is_away_the_drive_goes_on_and_no_state_is_missing_afterwards(rig):
+    rig.grant()
+    rig.drive(0.5)
+    rig.link.cut()
+    rig.wait(lambda: not rig.link.connected)
+    away = time.monotonic()
+    rig.drive(0.5, until=lambda: time.monotonic() > away + 1.5)
+    assert rig.robot.told.linear == pytest.approx(0.5)
+    rig.link.cut(mend=True)
+    rig.wait(lambda: rig.link.connected)
+    rig.wait(lambda: time.monotonic() > away + 2.0)
+    seqs = [s.seq for s in rig.link.all("state")]
+    assert seqs == list(range(1, len(seqs) + 1))
+
+
+def test_config_reaches_the_adapter_and_sets_the_assistance(rig):
+    rig.link.say("config", m.Config(stamp=1.0, assist="steer", doors={"north": "open"}), retained=True)
+    rig.link.wait("state", lambda s: s.assist == "slow" and s.mode == "assisted")
+    assert rig.robot.configs[-1].doors == {"north": "open"}
+    rig.link.say("config", m.Config(stamp=2.0, doors={"north": "closed"}), retained=True)
+    assert rig.link.wait("event", lambda e: e.type == "door_changed").detail == "north closed"
+
+
+def test_signals_reach_the_media_side_with_their_peer(rig):
+    rig.link.say("signal/p5", m.Offer(sdp="v=0", role="driver"))
+    rig.wait(lambda: rig.media.signals == [("p5", m.Offer(sdp="v=0", role="driver"))])
+    rig.control.reply("p5", m.Answer(sdp="v=1"))
+    assert rig.link.wait("signal/p5/reply") == m.Answer(sdp="v=1")
+
+
+# --- the adapter -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("how", ["lost", "silent", "deaf"])
+def test_a_robot_that_is_gone_refuses_motion_and_comes_back_by_itself(rig, how):
+    rig.grant()
+    rig.drive(0.5)
+    setattr(rig.robot, how, "cable" if how == "lost" else True)
+    rig.push(0.5)
+    rig.link.wait("event", lambda e: e.type == "adapter_lost")
+    state = rig.link.wait("state", lambda s: s.safety.inhibited == "fault")
+    assert any(error.startswith("adapter_lost") for error in state.errors)
+    setattr(rig.robot, how, "" if how == "lost" else False)
+    rig.link.wait("event", lambda e: e.type == "adapter_back")
+    rig.know_clock()
+    rig.drive(0.0, until=lambda: not rig.kernel.held)
+    rig.drive(0.5)
+
+
+def test_a_robot_that_reports_nonsense_is_as_good_as_lost(rig):
+    rig.robot.reading = still(pose=m.Pose(x=float("nan"), y=0.0, theta=0.0))
+    event = rig.link.wait("event", lambda e: e.type == "adapter_lost")
+    assert "nonsense" in event.detail
+    assert all(s.pose.x == s.pose.x for s in rig.link.all("state"))
+
+
+def test_an_agent_starts_without_its_robot_and_says_so(tmp_path):
+    rig = ControlRig(tmp_path, robot=ScriptedRobot(lost="the cable is out"))
+    rig.control.start(rig.media)
+    try:
+        state = rig.link.wait("state")
+        assert state.safety.inhibited == "fault"
+        assert not state.pose.localized
+        rig.wait(lambda: rig.robot.connections >= 2)
+        rig.act(stamped(m.Stop, "stop-1"))
+        rig.link.wait("state", lambda s: s.safety.stop_id == "stop-1")
+        rig.robot.lost = ""
+        rig.link.wait("state", lambda s: s.pose.x == 1.0 and s.safety.inhibited != "fault", within=10.0)
+    finally:
+        rig.control.close()
+
+
+def test_a_second_newer_agent_of_the_same_robot_takes_over(rig):
+    rig.grant()
+    rig.drive(0.5)
+    rig.control._loop.call_soon_threadsafe(rig.link._inbox.rival, "newer")
+    rig.link.wait("state", lambda s: s.safety.inhibited == "fault" and any("another agent" in e for e in s.errors))
+    rig.wait(lambda: rig.robot.told == ZERO)
+    rig.control._loop.call_soon_threadsafe(rig.link._inbox.rival, None)
+    rig.drive(0.0, until=lambda: rig.kernel.fault is None and not rig.kernel.held)
+    rig.drive(0.5)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux gives each thread a priority of its own")
+def test_the_control_thread_goes_first_and_what_it_starts_beside_does_not(rig):
+    seen = {}
+
+    async def look():
+        seen["loop"] = nice()
+        seen["beside"] = await asyncio.to_thread(nice)
+
+    ordinary = nice()
+    asyncio.run_coroutine_threadsafe(look(), rig.control._loop).result(5.0)
+    assert seen["beside"] == ordinary
+    assert seen["loop"] == (ordinary - 10 if may_go_first() else ordinary)
+
+
+def may_go_first():
+    allowed = []
+    thread = threading.Thread(target=lambda: allowed.append(set_nice(-10)))
+    thread.start()
+    thread.join()
+    return allowed[0]
+
+
+# --- the end -----------------------------------------------------------------------------------------------------------
+
+
+def test_closing_brakes_first_and_lets_go_of_the_robot(tmp_path):
+    with ControlRig(tmp_path) as rig:
+        rig.grant()
+        rig.drive(0.5)
+        rig.control.close()
+        assert rig.robot.told == ZERO
+        assert rig.robot.closed
+        assert not rig.control.failed
+        speeds = [v.linear for _, v in rig.robot.velocities()]
+        assert any(0.0 < v < 0.5 for v in speeds[-10:]), "it brakes, it does not cut off"
+
+
+# --- pictures through the server ---------------------------------------------------------------------------------------
+
+
+def test_a_request_for_a_picture_reaches_the_media_side_and_its_picture_the_broker(rig):
+    request = m.PictureRequest(stamp=1.0, peer="p1")
+    rig.link.say("command/picture", request)
+    rig.wait(lambda: rig.media.wanted == [request])
+    payload = picture.pack(3.0, b"\xff\xd8\xff\xff\xd9")
+    rig.control.publish_picture(payload)
+    assert rig.link.wait("picture") == payload
+
+
+def test_a_stored_request_and_one_on_a_data_channel_bring_no_picture(rig):
+    rig.link.say("command/picture", m.PictureRequest(stamp=1.0, peer="p1"), retained=True)
+    rig.frame("command/picture", m.PictureRequest(stamp=1.0, peer="p2"))
+    rig.wait(lambda: rig.kernel.refused["not_from_server"] == 1)
+    rig.link.say("command/picture", m.PictureRequest(stamp=2.0, peer="p3"))
+    rig.wait(lambda: rig.media.wanted)
+    assert [request.peer for request in rig.media.wanted] == ["p3"]

@@ -1,0 +1,72 @@
+"""Messages on a stream: whole ones, halves, and what is none."""
+
+import asyncio
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robots.agent import framing
+
+
+class Note(msgspec.Struct, frozen=True, array_like=True, tag=True):
+    text: str
+
+
+NOTES = msgspec.msgpack.Decoder(Note)
+
+
+@given(st.lists(st.text(max_size=30), max_size=6), st.integers(1, 9))
+def test_messages_arrive_whole_and_in_order_however_the_stream_is_cut(texts: list[str], piece: int) -> None:
+    stream = b"".join(framing.pack(Note(text)) for text in texts)
+    buffer, got = bytearray(), []
+    for start in range(0, len(stream), piece):
+        buffer += stream[start : start + piece]
+        while (body := framing.take(buffer)) is not None:
+            got.append(framing.unpack(NOTES, body).text)
+    assert got == texts
+    assert not buffer
+
+
+def test_a_length_beyond_the_limit_is_refused_before_anything_is_read() -> None:
+    assert framing.length(b"\x00\x00\x00\x10", 16) == 16
+    with pytest.raises(framing.WireError, match="17 bytes"):
+        framing.length(b"\x00\x00\x00\x11", 16)
+    with pytest.raises(framing.WireError):
+        framing.take(bytearray(b"GET / HTTP/1.1"))
+
+
+@given(st.binary(max_size=60))
+def test_bytes_that_are_no_message_are_refused_and_nothing_else(data: bytes) -> None:
+    try:
+        assert isinstance(framing.unpack(NOTES, data), Note)
+    except framing.WireError:
+        return
+
+
+async def test_a_stream_that_ends_in_a_message_says_so() -> None:
+    reader = asyncio.StreamReader()
+    reader.feed_data(framing.pack(Note("one")) + framing.pack(Note("two"))[:-1])
+    reader.feed_eof()
+    assert framing.unpack(NOTES, await framing.read(reader)) == Note("one")
+    with pytest.raises(asyncio.IncompleteReadError):
+        await framing.read(reader)
+
+
+async def test_messages_that_come_in_pieces_or_together_are_yielded_one_by_one() -> None:
+    reader = asyncio.StreamReader()
+    stream = framing.pack(Note("one")) + framing.pack(Note("two")) + framing.pack(Note("three"))
+    reader.feed_data(stream[:-3])
+    reader.feed_data(stream[-3:])
+    reader.feed_data(stream[:5])
+    reader.feed_eof()
+    heard = framing.bodies(reader)
+    assert [framing.unpack(NOTES, await anext(heard)).text for _ in range(3)] == ["one", "two", "three"]
+    with pytest.raises(asyncio.IncompleteReadError):
+        await anext(heard)
+
+
+async def test_a_text_that_is_no_text_is_no_message() -> None:
+    with pytest.raises(framing.WireError):
+        framing.unpack(NOTES, b"\x92\xa4Note\xa1\x80")

@@ -1,0 +1,41 @@
+"""Who an agent is to the broker."""
+
+import random
+
+from robots.agent.agent import Agent
+from robots.agent.config import load
+from robots.agent.mqtt import Endpoint, MqttLink
+from tests.support import words
+
+
+def link(**identity: str) -> MqttLink:
+    return MqttLink(Endpoint.of("mqtt://127.0.0.1:1", **identity), words.factsheet(), rng=random.Random(1))
+
+
+async def test_a_client_id_is_random_and_tells_nothing_that_others_hear():
+    """With Mosquitto whoever knows it takes the connection over, and the boot is told to every page."""
+    ids = {client.identifier for client in (link()._client(), link()._client())}
+    assert len(ids) == 2
+    assert not [name for name in ids if words.factsheet().boot in name]
+
+
+async def test_a_link_keeps_its_client_id_over_its_connections():
+    one = link()
+    assert one._client().identifier == one._client().identifier
+
+
+async def test_new_credentials_are_shown_from_the_next_connection_on():
+    one = link(username="giraff", password="old")
+    one.credentials_changed("giraff.1", "new")
+    fresh = one._client()._client
+    assert (fresh._username, fresh._password) == (b"giraff.1", b"new")
+
+
+async def test_an_agent_that_got_new_credentials_shows_them_to_the_broker_now_and_after_a_restart(tmp_path):
+    agent = Agent(load({"robot": "giraff", "server": "https://site.example", "var": tmp_path}, {"TELEPRESENCE_TOKEN": "old"}))
+    assert agent._endpoint("mqtt://127.0.0.1:1").username == "giraff"
+    agent._link = link(username="giraff", password="old")
+    agent._renewed({"robot": "giraff", "user": "giraff.1", "token": "new"})
+    after = agent._endpoint("mqtt://127.0.0.1:1")
+    assert (after.username, after.password) == ("giraff.1", "new")
+    assert agent._link._client()._client._username == b"giraff.1"

@@ -1,0 +1,287 @@
+"""Whatever arrives, in whatever order: the kernel never raises, never exceeds a limit, never moves without a live lease.
+
+Programs of random events with random gaps run against the kernel while an independent, much simpler account of what was
+permitted is kept beside it.
+"""
+
+import math
+
+from hypothesis import HealthCheck, given, seed, settings
+from hypothesis import strategies as st
+
+from robots.agent.motion import ZERO
+from robots.agent.permissions import Sender
+from robots.agent.safety import MAX_STEP
+from robots.api import messages as m
+from tests.support.kernel_bench import LIMITS, Bench
+
+SLACK = 1e-9
+
+
+def cases(number):
+    return settings(max_examples=number, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+
+
+epochs = st.integers(0, 3)
+sessions = st.sampled_from(["s1", "s2"])
+peers = st.sampled_from(["p1", "p2"])
+ways = st.sampled_from(["datachannel", "mqtt"])
+roles = st.sampled_from(["driver", "observer", "screen", "staff", "owner", "server"])
+speeds = st.one_of(st.just(0.0), st.floats(-10, 10), st.sampled_from([0.3, 0.7, -0.4]))
+optional_limits = st.one_of(st.none(), st.floats(0.05, 5.0))
+
+leases = st.tuples(
+    st.just("lease"),
+    sessions,
+    epochs,
+    peers,
+    st.integers(0, 5),
+    st.booleans(),
+    optional_limits,
+    st.floats(0.1, 12.0),
+    st.sampled_from(["required", "none"]),
+)
+velocities = st.tuples(st.just("velocity"), sessions, epochs, peers, ways, st.integers(-3, 3), speeds, speeds, st.floats(-1, 1.5), st.floats(-1, 4))
+good_velocities = st.tuples(st.just("good"), speeds, speeds)
+stops = st.tuples(st.just("stop"), ways, peers, roles, sessions, epochs, st.integers(0, 50), st.integers(0, 9))
+estops = st.tuples(st.just("estop"), ways, peers, roles, st.integers(0, 9))
+others = st.one_of(
+    st.tuples(st.just("empty")),
+    st.tuples(st.just("clear"), ways, roles, st.sampled_from(["", "ops"])),
+    st.tuples(st.just("button"), st.booleans()),
+    st.tuples(st.just("fault"), st.booleans()),
+    st.tuples(st.just("clock"), peers),
+    st.tuples(st.just("navigate"), st.booleans()),
+    st.tuples(st.just("wait"), st.floats(0.0, 2.5)),
+    st.tuples(st.just("grant"), st.sampled_from([0.05, 0.2, 10.0])),
+)
+gaps = st.sampled_from([0.0, 0.001, 0.02, 0.02, 0.02, 0.05, 0.29, 0.31])
+programs = st.lists(st.tuples(gaps, st.one_of(good_velocities, good_velocities, velocities, leases, stops, estops, others)), max_size=30)
+
+
+class Account:
+    """What must hold, kept without looking into the kernel: time of the last accepted command and of the live lease's end."""
+
+    def __init__(self, bench):
+        self.bench, self.last, self.last_at, self.accepted_at, self.lease_until = bench, ZERO, -math.inf, -math.inf, -math.inf
+        self.latched = False
+
+    def check(self):
+        bench = self.bench
+        decision = bench.tick()
+        velocity = decision.velocity
+        if velocity is None:
+            return
+        assert -LIMITS.reverse - SLACK <= velocity.linear <= LIMITS.linear + SLACK
+        assert abs(velocity.angular) <= LIMITS.angular + SLACK
+        dt = bench.now - self.last_at
+        for before, after, up in (
+            (self.last.linear, velocity.linear, LIMITS.linear_acceleration),
+            (self.last.angular, velocity.angular, LIMITS.angular_acceleration),
+        ):
+            grows = abs(after) > abs(before) or before * after < 0
+            assert not grows or abs(after) <= (abs(before) if before * after > 0 else 0.0) + up * min(dt, MAX_STEP) + SLACK
+        permitted = bench.now < self.accepted_at + LIMITS.deadman and bench.now < self.lease_until and not self.latched
+        if not permitted:
+            assert abs(velocity.linear) <= abs(self.last.linear) + SLACK
+            assert abs(velocity.angular) <= abs(self.last.angular) + SLACK
+            if dt >= 0.0199 and self.last.linear != 0.0:
+                assert abs(velocity.linear) <= max(0.0, abs(self.last.linear) - LIMITS.linear_braking * min(dt, 0.0199)) + SLACK
+        self.last, self.last_at = velocity, bench.now
+
+
+# --- what may happen: one function an event, with the account of what it permits --------------------------------------
+
+
+def _lease(bench, account, session, epoch, peer, renewal, retained, limit, ttl, video):  # noqa: PLR0917 -- as the event has them
+    limits = m.LeaseLimits(linear=limit)
+    lease = m.Lease(
+        session=session, epoch=epoch, peer=peer, who="x", renewal=renewal, stamp=bench.unix, ttl=ttl, video=video, limits=limits
+    )  # fmt: skip
+    if bench.kernel.take_lease(lease, retained=retained, now=bench.now):
+        if not retained:
+            account.lease_until = bench.now + ttl
+        elif bench.kernel.leases.live(bench.now) is None:
+            account.lease_until = -math.inf
+
+
+def _grant(bench, account, ttl):
+    bench.lease(session="s1", epoch=bench.kernel.leases.newest.epoch + 1, ttl=ttl)
+    account.lease_until = bench.now + ttl
+    _good(bench, account, 0.7, 0.0)
+
+
+def _empty(bench, account):
+    bench.kernel.take_lease(None, retained=False, now=bench.now)
+    account.lease_until = -math.inf
+
+
+def _velocity(bench, account, session, epoch, peer, way, step, linear, angular, age, frame_age):  # noqa: PLR0917 -- as above
+    command = bench.command(linear, angular, age=age, frame_age=frame_age, session=session, epoch=epoch, seq=max(0, bench.seq + step))
+    verdict = bench.kernel.velocity(command, Sender(way, peer), now=bench.now, unix=bench.unix)
+    assert bench.now < account.lease_until or verdict.reason
+    if verdict.reason is None:
+        account.accepted_at = bench.now
+
+
+def _good(bench, account, linear, angular):
+    lease = bench.kernel.leases.live(bench.now)
+    command = bench.command(linear, angular, session=lease.session if lease else "s1", epoch=lease.epoch if lease else 1)
+    verdict = bench.kernel.velocity(command, Sender("mqtt"), now=bench.now, unix=bench.unix)
+    assert (bench.now < account.lease_until and not account.latched) or verdict.reason
+    if verdict.reason is None:
+        account.accepted_at = bench.now
+
+
+def _stop(bench, _account, way, peer, role, session, epoch, seq, number):  # noqa: PLR0917 -- as above
+    bench.stop(action_id=f"stop-{number}", seq=seq, way=way, peer=peer, role=role, session=session, epoch=epoch)
+    assert bench.kernel.stop_id == f"stop-{number}"
+
+
+def _estop(bench, account, way, peer, role, number):  # noqa: PLR0917 -- as above
+    known = f"estop-{number}" in bench.kernel._stops
+    bench.estop(action_id=f"estop-{number}", way=way, peer=peer, role=role)
+    assert known or bench.kernel.latch
+    account.latched = bench.kernel.latch is not None
+
+
+def _clear(bench, account, way, role, user):
+    latch = bench.kernel.latch
+    if bench.ask(m.ClearEStop(action_id="c", stamp=bench.unix, role=role, user=user), way=way, peer="p1") is None:
+        assert way == "mqtt"
+        # People at the robot's screen let go of what was pressed there, and of nothing else.
+        assert role in {"staff", "owner"} or (role == "screen" and latch is not None and latch.source == "screen")
+        assert user
+        bench.kernel.clear_estop(bench.now)
+        account.latched = False
+
+
+def _button(bench, account, pressed):
+    bench.kernel.button(pressed=pressed, now=bench.now, unix=bench.unix)
+    account.latched = bench.kernel.latch is not None
+
+
+def _fault(bench, account, on):
+    if on:
+        bench.kernel.set_fault("adapter_lost")
+    else:
+        bench.kernel.clear_fault(bench.now)
+        account.last = ZERO
+
+
+def _clock(bench, _account, peer):
+    bench.know_clock(peer)
+
+
+def _navigate(bench, account, by_server):
+    bench.kernel.navigate("g", "goto", ordered_by_server=by_server, now=bench.now)
+    account.last = ZERO
+
+
+def _wait(bench, _account, seconds):
+    bench.now += seconds
+
+
+HAPPENINGS = {
+    "lease": _lease, "grant": _grant, "empty": _empty, "velocity": _velocity, "good": _good, "stop": _stop, "estop": _estop, "clear": _clear,
+    "button": _button, "fault": _fault, "clock": _clock, "navigate": _navigate, "wait": _wait,
+}  # fmt: skip
+
+
+def perform(bench, account, event):
+    kind, *values = event
+    HAPPENINGS[kind](bench, account, *values)
+
+
+@seed(1)
+@cases(2000)
+@given(programs, st.booleans())
+def test_no_program_of_events_moves_the_robot_faster_longer_or_for_anybody_it_should_not(program, driving):
+    bench = Bench()
+    account = Account(bench)
+    bench.lease()
+    account.lease_until = bench.now + 10.0
+    bench.know_clock()
+    if driving:
+        bench.run(1.6, every=0.1, linear=0.6, angular=-0.6)
+        account.last, account.last_at, account.accepted_at = bench.kernel.commanded, bench.now, bench.now
+    for gap, event in program:
+        bench.now += gap
+        perform(bench, account, event)
+        account.check()
+        bench.now += 0.02
+        account.check()
+
+
+@seed(2)
+@cases(1000)
+@given(programs, ways, peers, roles)
+def test_a_stop_and_an_estop_pass_in_every_state(program, way, peer, role):
+    bench = Bench()
+    bench.lease()
+    bench.know_clock()
+    for gap, event in program:
+        bench.now += gap
+        perform(bench, Permissive(bench), event)
+        bench.tick()
+    driven = bench.kernel.commanded
+    assert bench.stop(action_id="the-stop", way=way, peer=peer, role=role, session="s1", epoch=1)
+    assert bench.kernel.stop_id == "the-stop"
+    assert bench.kernel.navigation is None
+    bench.run(0.06)
+    assert driven == ZERO or abs(bench.speed) < abs(driven.linear) or abs(bench.kernel.commanded.angular) < abs(driven.angular)
+    bench.run(2.0)
+    assert bench.kernel.commanded == ZERO
+    assert bench.estop(action_id="the-estop", way=way, peer=peer, role=role)
+    assert bench.kernel.inhibited(bench.now) == "estop"
+    bench.run(0.1, every=0.02, linear=0.5)
+    assert bench.kernel.commanded == ZERO
+
+
+@seed(4)
+@cases(1000)
+@given(programs, speeds, speeds)
+def test_whatever_navigation_wants_it_gets_no_more_than_the_limits_and_nothing_while_the_robot_may_not_move(program, linear, angular):
+    bench = Bench(wanted=m.Velocity(linear=linear, angular=angular))
+    bench.lease()
+    bench.know_clock()
+    for gap, event in program:
+        bench.now += gap
+        perform(bench, Permissive(bench), event)
+        before = bench.kernel.commanded
+        for _ in range(2):
+            bench.now += 0.02
+            velocity = bench.tick().velocity or ZERO
+            assert -LIMITS.reverse <= velocity.linear <= LIMITS.linear
+            assert abs(velocity.angular) <= LIMITS.angular
+            if bench.kernel.latch or bench.kernel.fault:
+                assert abs(velocity.linear) <= abs(before.linear)
+                assert abs(velocity.angular) <= abs(before.angular)
+
+
+class Permissive(Account):
+    """An account that permits everything, where only the end of a program matters."""
+
+    def __init__(self, bench):
+        super().__init__(bench)
+        self.lease_until = math.inf
+
+
+@seed(3)
+@cases(1500)
+@given(st.floats(0.001, 0.4), st.lists(st.tuples(st.floats(0.001, 0.25), speeds, speeds), min_size=1, max_size=30))
+def test_after_the_last_accepted_command_the_robot_stands_within_deadman_and_braking_time(first_gap, commands):
+    bench = Bench()
+    bench.lease()
+    bench.know_clock()
+    bench.now += first_gap
+    for gap, linear, angular in commands:
+        bench.now += gap
+        bench.drive(linear, angular)
+    last = bench.now
+    braking = max(abs(bench.speed) + LIMITS.linear_acceleration * LIMITS.deadman, 0.0) / LIMITS.linear_braking
+    turning = (abs(bench.kernel.commanded.angular) + LIMITS.angular_acceleration * LIMITS.deadman) / LIMITS.angular_braking
+    while bench.now < last + LIMITS.deadman + max(braking, turning) + 0.03:
+        bench.now += 0.02
+        bench.tick()
+    assert bench.kernel.commanded == ZERO

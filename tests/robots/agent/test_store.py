@@ -1,0 +1,39 @@
+"""What survives a restart of the agent."""
+
+from robots.agent.latch import Latch
+from robots.agent.lease import Remembered
+from robots.agent.store import Store
+
+
+def test_a_latch_comes_back_as_it_was_and_is_gone_when_it_was_opened(tmp_path):
+    store = Store(tmp_path / "new" / "giraff")
+    assert store.latch() is None
+    store.prepare()
+    latch = Latch("staff", 123.5, "ops", "a child")
+    store.keep_latch(latch)
+    assert Store(tmp_path / "new" / "giraff").latch() == latch
+    store.keep_latch(None)
+    store.keep_latch(None)
+    assert store.latch() is None
+
+
+def test_a_latch_that_cannot_be_read_counts_as_latched(tmp_path):
+    for content in ("", "{", "[]", '{"source": "driver"}'):
+        (tmp_path / "estop.json").write_text(content)
+        assert Store(tmp_path).latch().source == "unreadable"
+
+
+def test_the_newest_lease_comes_back_and_one_that_cannot_be_read_is_none(tmp_path):
+    store = Store(tmp_path)
+    assert store.lease() is None
+    store.keep_lease(Remembered("s1", 4, 2, 9.5))
+    assert Store(tmp_path).lease() == Remembered("s1", 4, 2, 9.5)
+    (tmp_path / "lease.json").write_text("nonsense")
+    assert store.lease() is None
+
+
+def test_a_write_that_was_interrupted_leaves_the_old_file(tmp_path):
+    store = Store(tmp_path)
+    store.keep_latch(Latch("driver", 1.0))
+    (tmp_path / "estop.new").write_text('{"sour')
+    assert store.latch() == Latch("driver", 1.0)

@@ -1,0 +1,101 @@
+"""Words and calls between a visitor and the people at the robot, through the whole control loop."""
+
+import time
+
+import pytest
+
+from robots.api import messages as m
+from tests.support.control_rig import ControlRig
+
+
+@pytest.fixture
+def rig(tmp_path):
+    with ControlRig(tmp_path) as rig:
+        rig.grant()
+        yield rig
+
+
+def asked(number, **fields):
+    return {"action_id": f"a{number}", "stamp": time.time(), "session": "s1", "epoch": 1, **fields}
+
+
+def at_screen(number, **fields):
+    return {"action_id": f"a{number}", "stamp": time.time(), "role": "screen", "user": "Giraff", **fields}
+
+
+def outcome(rig, number):
+    def status():
+        found = [one for one in rig.link.all("action") if one.action_id == f"a{number}"]
+        return found[-1] if found else None
+
+    rig.wait(status)
+    return status().status, status().reason
+
+
+def test_what_the_driver_says_goes_out_in_the_drivers_name(rig):
+    rig.act(m.Say(**asked(1, user="Mallory"), text="Hello"), way="datachannel")
+    assert outcome(rig, 1) == ("FINISHED", "")
+    words = rig.link.all("words")[-1]
+    assert (words.by, words.who, words.text, words.aloud, words.session) == ("driver", "Ada", "Hello", True, "s1")
+
+
+def test_what_somebody_at_the_screen_writes_is_shown_and_never_spoken(rig):
+    rig.act(m.Say(**at_screen(1), text="Come in", aloud=True))
+    assert outcome(rig, 1) == ("FINISHED", "")
+    words = rig.link.all("words")[-1]
+    assert (words.by, words.who, words.aloud) == ("screen", "Giraff", False)
+
+
+@pytest.mark.parametrize("kind", [m.Say, m.Call])
+@pytest.mark.parametrize(("way", "role"), [("datachannel", "driver"), ("datachannel", "screen"), ("mqtt", "observer")])
+def test_somebody_who_watches_neither_speaks_nor_calls_whatever_role_they_claim(rig, kind, way, role):
+    fields = {"text": "I am the driver"} if kind is m.Say else {"audio": True}
+    rig.act(kind(**asked(2, role=role), **fields), way=way, peer="somebody")
+    assert outcome(rig, 2) == ("FAILED", "observer")
+    assert rig.link.all("words") == []
+    assert rig.media.passing == []
+
+
+def test_a_call_goes_through_at_once_unless_the_owner_wants_it_answered(rig):
+    rig.act(m.Call(**asked(1), audio=True, volume=0.5), way="datachannel")
+    rig.wait(lambda: rig.media.passing)
+    assert rig.media.passing == [{"audio": True, "video": False, "volume": 0.5}]
+    rig.wait(lambda: rig.link.all("state")[-1].call == m.CallState(status="accepted", audio=True, volume=0.5))
+
+
+def test_somebody_at_the_screen_lets_a_visitor_through_and_hangs_up(rig):
+    rig.link.say("config", m.Config(stamp=time.time(), calls="ask"))
+    rig.act(m.Call(**asked(1), video=True), way="datachannel")
+    rig.wait(lambda: (call := rig.link.all("state")[-1].call) and call.status == "ringing")
+    assert rig.media.passing == []
+    rig.act(m.AnswerCall(**asked(2), accept=True), way="datachannel")
+    assert outcome(rig, 2) == ("FAILED", "role"), "nobody answers their own call"
+    rig.act(m.AnswerCall(**at_screen(3), accept=True))
+    rig.wait(lambda: rig.media.passing)
+    assert rig.media.passing[-1]["video"] is True
+    rig.act(m.AnswerCall(**at_screen(4), accept=False))
+    rig.wait(lambda: rig.media.passing[-1] == {"audio": False, "video": False, "volume": 1.0})
+
+
+def test_the_end_of_a_visit_ends_what_is_let_through(rig):
+    rig.act(m.Call(**asked(1), audio=True), way="datachannel")
+    rig.wait(lambda: rig.media.passing)
+    rig.link.say("lease", None)
+    rig.wait(lambda: rig.media.passing[-1]["audio"] is False)
+
+
+def test_the_screen_stops_the_robot_and_lets_go_of_its_own_stop_alone(rig):
+    rig.act(m.EStop(**at_screen(1)))
+    rig.wait(lambda: rig.kernel.latch is not None)
+    rig.act(m.ClearEStop(**at_screen(2)))
+    assert outcome(rig, 2) == ("FINISHED", "")
+    assert rig.kernel.latch is None
+    rig.act(m.EStop(**at_screen(3, role="staff", user="Berta")))
+    rig.wait(lambda: rig.kernel.latch is not None)
+    rig.act(m.ClearEStop(**at_screen(4)))
+    assert outcome(rig, 4) == ("FAILED", "not_yours")
+
+
+def test_a_screen_does_not_drive(rig):
+    rig.act(m.Goto(**at_screen(1), x=1.0, y=1.0))
+    assert outcome(rig, 1) == ("FAILED", "observer")

@@ -1,0 +1,105 @@
+"""What a web process knows of a robot."""
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robots.api import messages as m
+from robots.bridge.broker_address import BadAddress, BrokerAddress, backoff, parse
+from robots.bridge.known import KnownRobot
+from tests.support import words
+
+LEASE = m.Lease(session="s1", epoch=3, peer="p1", who="Ada", renewal=0, stamp=10.0)
+
+
+def lease(**changes):
+    return msgspec.structs.replace(LEASE, **changes)
+
+
+def test_a_robot_is_online_from_its_word_to_its_word():
+    known = KnownRobot("giraff")
+    assert known.online is None
+    assert known.take("connection", words.online(), 0.0)
+    assert known.online
+    assert known.take("connection", words.broken(), 1.0)
+    assert known.online is False
+
+
+def test_the_will_of_an_earlier_boot_is_not_believed():
+    known = KnownRobot("giraff")
+    known.take("connection", words.online("b1"), 0.0)
+    known.take("connection", words.online("b2"), 1.0)
+    assert not known.take("connection", words.broken("b1"), 5.0)
+    assert known.online
+
+
+def test_a_lease_is_in_force_while_it_is_renewed():
+    known = KnownRobot("giraff")
+    known.take("lease", lease(), 100.0)
+    assert known.lease_at(109.9) == lease()
+    assert known.lease_at(110.0) is None
+    known.take("lease", lease(renewal=1), 109.0)
+    assert known.lease_at(118.0) == lease(renewal=1)
+
+
+def test_late_copies_change_nothing():
+    known = KnownRobot("giraff")
+    known.take("lease", lease(epoch=5, renewal=4, stamp=50.0), 0.0)
+    assert not known.take("lease", lease(epoch=5, renewal=3, stamp=49.0), 1.0)
+    assert not known.take("lease", lease(epoch=4, renewal=9, stamp=40.0), 1.0)
+    known.take("lease", None, 2.0)
+    assert not known.take("lease", lease(epoch=4, renewal=9, stamp=40.0), 100.0)
+    assert known.lease is None
+
+
+def test_a_server_whose_counter_began_anew_is_believed_when_nobody_drives():
+    known = KnownRobot("giraff")
+    known.take("lease", lease(epoch=50, stamp=10.0), 0.0)
+    assert not known.take("lease", lease(epoch=1, stamp=20.0), 5.0)
+    assert known.take("lease", lease(epoch=1, stamp=20.0), 11.0)
+
+
+def test_what_the_database_says_goes_before_everything_heard():
+    known = KnownRobot("giraff")
+    known.take("lease", lease(epoch=50, stamp=10.0), 0.0)
+    assert known.take_lease(lease(epoch=2, stamp=5.0), 1.0, certain=True)
+    assert known.lease.epoch == 2
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3)), min_size=1, max_size=20))
+def test_the_newest_lease_wins_in_whatever_order_copies_arrive(arrivals):
+    known = KnownRobot("giraff")
+    for epoch, renewal in arrivals:
+        known.take("lease", lease(epoch=epoch, renewal=renewal), 0.0)
+    assert (known.lease.epoch, known.lease.renewal) == max(arrivals)
+
+
+@pytest.mark.parametrize(
+    ("url", "address"),
+    [
+        ("mqtt://127.0.0.1", BrokerAddress("127.0.0.1", 1883)),
+        ("mqtts://broker.example.org:9999", BrokerAddress("broker.example.org", 9999, tls=True)),
+        ("ws://h", BrokerAddress("h", 80, websocket=True, path="/mqtt")),
+        ("wss://h/bus", BrokerAddress("h", 443, tls=True, websocket=True, path="/bus")),
+        ("mqtt://me:p%40ss@h:1", BrokerAddress("h", 1, username="me", password="p@ss")),
+        ("mqtt://[::1]:1884", BrokerAddress("::1", 1884)),
+    ],
+)
+def test_an_address_says_where_how_and_as_whom(url, address):
+    assert parse(url) == address
+
+
+@pytest.mark.parametrize("url", ["", "127.0.0.1:1883", "http://h", "mqtt://", "mqtt://h:99999", "mqtt://h:x"])
+def test_an_address_that_cannot_be_used_is_named(url):
+    with pytest.raises(BadAddress, match="broker's address"):
+        parse(url)
+
+
+def test_attempts_become_rarer_up_to_a_bound_and_spread():
+    waits = [backoff(attempt, 0.999999) for attempt in range(40)]
+    assert waits == sorted(waits)
+    assert 0.19 < waits[0] <= 0.2
+    assert 0.79 < waits[-1] <= 0.8
+    assert backoff(2, 0.0) == pytest.approx(0.5 * 0.8)

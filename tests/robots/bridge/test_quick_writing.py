@@ -1,0 +1,99 @@
+"""Messages that go straight into the socket of a client of ours."""
+
+import asyncio
+import collections
+import contextlib
+import random
+import socket
+
+import pytest
+
+from robots.api import messages as m
+from robots.bridge.quick_writing import MOST_WAITING, QuickWriter, writer_of
+from robots.broker.packets import PacketReader
+from robots.mqtt_bridge import Bridge
+from tests.support.mqtt_ear import Ear
+from tests.support.patience import patient
+from tests.support.recorder_rig import running_mosquitto
+from tests.support.words import velocity
+
+
+class Paho:
+    """What a writer uses of paho: a queue of bytes that wait."""
+
+    def __init__(self):
+        self._out_packet = collections.deque()
+
+    def _packet_queue(self, _command, packet, _mid, _qos):
+        self._out_packet.append(packet)
+
+
+@pytest.fixture
+def pair():
+    with contextlib.ExitStack() as stack:
+        ours, theirs = (stack.enter_context(end) for end in socket.socketpair())
+        ours.setblocking(False)
+        theirs.setblocking(False)
+        yield ours, theirs
+
+
+def drained(theirs):
+    found = b""
+    with contextlib.suppress(BlockingIOError):
+        while piece := theirs.recv(1 << 20):
+            found += piece
+    return found
+
+
+def test_a_broker_that_takes_little_gets_every_byte_in_order_and_one_that_takes_nothing_is_not_fed_for_ever(pair):
+    ours, theirs = pair
+    paho, written = Paho(), 0
+    writer = QuickWriter(paho, ours)
+    while writer.publish("t", written.to_bytes(2, "big") * 5000):
+        written += 1
+    assert len(paho._out_packet) == MOST_WAITING
+    arrived = drained(theirs)
+    while paho._out_packet:  # as paho does it when the socket has room
+        rest = paho._out_packet.popleft()
+        sent = ours.send(rest)
+        if sent < len(rest):
+            paho._out_packet.appendleft(rest[sent:])
+        arrived += drained(theirs)
+    messages = list(PacketReader(1 << 20).feed(arrived))
+    assert [message.payload for message in messages] == [number.to_bytes(2, "big") * 5000 for number in range(written)]
+
+
+def test_what_cannot_be_sent_any_more_is_said_not_to_have_been_sent(pair):
+    ours, _ = pair
+    writer = QuickWriter(Paho(), ours)
+    assert writer.publish("t", b"1")
+    ours.close()
+    assert not writer.publish("t", b"2")
+
+
+def test_a_client_that_is_not_what_it_was_is_left_alone():
+    assert writer_of(object()) is None
+
+
+@pytest.mark.broker
+@pytest.mark.parametrize("quick", [True, False])
+async def test_commands_arrive_in_order_and_behind_what_was_said_before_them(quick, monkeypatch):
+    """Fails with `quick` when paho or aiomqtt are not any more what robots/bridge/quick_writing.py takes them for."""
+    if not quick:
+        monkeypatch.setattr("robots.mqtt_bridge.writer_of", lambda _: None)
+    with running_mosquitto() as broker, Ear(broker.port) as ear:
+        bridge = Bridge(broker.url, ("web", "secret"), random.Random(1))
+        assert await bridge.wait_connected(patient(10))
+        assert (bridge._writer is not None) == quick
+        for number in range(1, 6):
+            bridge.retain("giraff", "config", m.Config(stamp=float(number)))
+            for seq in range(number * 10, number * 10 + 5):
+                assert bridge.send("giraff", "command/velocity", velocity(seq))
+            await asyncio.to_thread(ear.wait, "command/velocity", lambda command, last=number * 10 + 4: command.seq == last)
+        for seq in range(100, 150):
+            bridge.send("giraff", "command/velocity", velocity(seq))
+        await asyncio.to_thread(ear.wait, "command/velocity", lambda command: command.seq == 149)
+        await bridge.close()
+    told = [message.seq if suffix == "command/velocity" else f"config {message.stamp:.0f}" for suffix, message, _ in ear.heard]
+    expected = [entry for number in range(1, 6) for entry in (f"config {number}", *range(number * 10, number * 10 + 5))]
+    assert told == [*expected, *range(100, 150)]

@@ -1,0 +1,127 @@
+"""`manage.py mosquitto_files` beside a mosquitto that is not our child, as on a server with one of its own."""
+
+import asyncio
+import contextlib
+import getpass
+import io
+import subprocess
+import time
+
+import aiomqtt
+import pytest
+from asgiref.sync import sync_to_async
+from django.core.management import CommandError, call_command
+from django.utils import timezone
+
+from robots.api.topics import of
+from robots.broker.mosquitto import find
+from robots.credentials import make_credentials, revoke, server_credentials
+from robots.management.commands.mosquitto_files import Files
+from robots.models import Robot
+from tests.support.broker_rig import until_thrown_out
+from tests.support.patience import patient
+from tests.support.site import free_port, wait_for
+
+pytestmark = [pytest.mark.broker, pytest.mark.django_db(transaction=True)]
+SECONDS = 10.0
+
+
+def write(directory, *arguments):
+    out = io.StringIO()
+    call_command("mosquitto_files", str(directory), *arguments, stdout=out)
+    return out.getvalue()
+
+
+class Server:
+    """A mosquitto with a configuration, a port and a pid file of its own."""
+
+    def __init__(self, directory):
+        self.port, self.pid_file = free_port(), directory / "mosquitto.pid"
+        (directory / "mosquitto.conf").write_text(
+            f"listener {self.port} 127.0.0.1\nallow_anonymous false\npassword_file {directory / 'passwords'}\nacl_file {directory / 'permissions'}\n"
+            f"pid_file {self.pid_file}\npersistence false\nuser {getpass.getuser()}\n"
+        )
+        self.process = subprocess.Popen([find(), "-c", str(directory / "mosquitto.conf")], stderr=subprocess.DEVNULL)
+        wait_for(lambda: self.process.poll() is None and self.pid_file.exists() and self.pid_file.read_text().strip(), 10, "mosquitto's pid file")
+
+    def client(self, user, password):
+        return aiomqtt.Client("127.0.0.1", self.port, username=user, password=password, timeout=SECONDS)
+
+    async def lets_in(self, user, password):
+        with contextlib.suppress(aiomqtt.MqttError):
+            async with self.client(user, password):
+                return True
+        return False
+
+    async def until_let_in(self, user, password):
+        deadline = time.monotonic() + patient(SECONDS)
+        while not await self.lets_in(user, password):
+            assert time.monotonic() < deadline, f"{user} is not let in"
+            await asyncio.sleep(0.05)
+
+
+@pytest.fixture
+def mosquitto(tmp_path, db):
+    write(tmp_path)
+    server = Server(tmp_path)
+    yield server
+    server.process.terminate()
+    server.process.wait(SECONDS)
+
+
+async def test_a_mosquitto_of_the_system_follows_the_database(mosquitto, tmp_path):
+    again = sync_to_async(lambda: write(tmp_path, "--reload", "--pid-file", str(mosquitto.pid_file)))
+    await mosquitto.until_let_in(*server_credentials("web"))
+    robot = await Robot.objects.acreate(name="giraff", title="Giraff")
+    key = await sync_to_async(make_credentials)(robot, timezone.now())
+    assert not await mosquitto.lets_in("giraff", key.token)
+    assert "3 users written" in await again()
+    await mosquitto.until_let_in("giraff", key.token)
+    async with mosquitto.client("giraff", key.token) as giraff:
+        await giraff.publish(of("giraff", "state"), b"{}", qos=1)
+        await sync_to_async(revoke)(robot)
+        assert "2 users written" in await again()
+        await until_thrown_out(giraff)  # thrown out at once, not when it comes back
+    assert not await mosquitto.lets_in("giraff", key.token)
+    assert await mosquitto.lets_in(*server_credentials("web"))
+
+
+async def test_watching_it_writes_by_itself_and_tells_mosquitto(mosquitto, tmp_path):
+    watching = asyncio.create_task(Files(tmp_path, mosquitto.pid_file).follow(0.05))
+    robot = await Robot.objects.acreate(name="giraff", title="Giraff")
+    key = await sync_to_async(make_credentials)(robot, timezone.now())
+    await mosquitto.until_let_in("giraff", key.token)
+    watching.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await watching
+
+
+def test_what_has_not_changed_is_not_written_again(tmp_path):
+    assert "2 users written" in write(tmp_path)
+    before = {name: (tmp_path / name).stat().st_mtime_ns for name in ("passwords", "permissions")}
+    assert "as before" in write(tmp_path)
+    assert before == {name: (tmp_path / name).stat().st_mtime_ns for name in before}
+
+
+def test_the_files_are_for_their_owner_and_group_alone(tmp_path):
+    write(tmp_path)
+    assert {path.stat().st_mode & 0o777 for path in tmp_path.iterdir()} <= {0o640, 0o600}
+    token = server_credentials("web")[1]
+    assert all(token not in path.read_text() for path in tmp_path.iterdir())
+
+
+def test_without_a_running_mosquitto_the_files_are_written_all_the_same(tmp_path):
+    assert "2 users written" in write(tmp_path, "--reload", "--pid-file", str(tmp_path / "nobody.pid"))
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    (tmp_path / "dead.pid").write_text(str(ended.pid))
+    (tmp_path / "permissions").unlink()
+    assert "2 users written" in write(tmp_path, "--reload", "--pid-file", str(tmp_path / "dead.pid"))
+
+
+def test_what_stands_in_the_way_is_one_sentence(tmp_path):
+    with pytest.raises(CommandError, match=r"No such file or directory\.$"):
+        write(tmp_path / "nowhere")
+    (tmp_path / "bad.pid").write_text("not a number")
+    with pytest.raises(CommandError, match="could not be told"):
+        write(tmp_path, "--reload", "--pid-file", str(tmp_path / "bad.pid"))

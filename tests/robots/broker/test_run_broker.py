@@ -1,0 +1,153 @@
+"""`manage.py run_broker` as a process of its own: users from the database, and nothing left behind."""
+
+import asyncio
+import contextlib
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import aiomqtt
+import pytest
+from asgiref.sync import sync_to_async
+from django.conf import settings
+from django.db import connection
+from django.utils import timezone
+
+from robots.api.topics import of
+from robots.credentials import make_credentials, revoke, server_credentials
+from robots.models import Robot
+from tests.support.broker_rig import KINDS, Heard, until_thrown_out
+from tests.support.patience import patient
+from tests.support.server import certificate
+
+pytestmark = [pytest.mark.broker, pytest.mark.django_db(transaction=True)]
+SECONDS = 60.0
+
+
+class BrokerProcess:
+    """The command on a free port, with the test's own database."""
+
+    def __init__(self, *arguments):
+        environment = os.environ | {"DATABASE_URL": f"sqlite:///{connection.settings_dict['NAME']}", "DJANGO_SETTINGS_MODULE": "tests.settings"}
+        self.process = subprocess.Popen(
+            [sys.executable, "manage.py", "run_broker", "--port", "0", "--poll", "0.2", *arguments],
+            cwd=settings.BASE_DIR, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        line = self.process.stdout.readline()
+        found = re.fullmatch(r"broker listening (mqtts?)://127\.0\.0\.1:(\d+) \((\w+)\)\n", line)
+        assert found, line + self.process.communicate(timeout=SECONDS)[1]
+        self.scheme, self.port, self.kind = found[1], int(found[2]), found[3]
+
+    def client(self, user, password, **options):
+        return aiomqtt.Client("127.0.0.1", self.port, username=user, password=password, timeout=SECONDS, **options)
+
+    def is_answering(self):
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", self.port), timeout=1):
+            return True
+        return False
+
+    def wait_silent(self):
+        deadline = time.monotonic() + patient(SECONDS)
+        while self.is_answering():
+            assert time.monotonic() < deadline, "something still listens"
+            time.sleep(0.05)
+
+    def end(self):
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.communicate()
+        self.wait_silent()
+
+
+@pytest.fixture(params=KINDS)
+def broker(request):
+    broker = BrokerProcess("--require", request.param)
+    yield broker
+    broker.end()
+
+
+def new_robot(name):
+    return make_credentials(Robot.objects.create(name=name, title=name), timezone.now())
+
+
+async def test_users_of_the_database_meet_and_a_revoked_one_is_thrown_out(broker):
+    key = await sync_to_async(new_robot)("giraff")
+    if broker.kind == "mosquitto":  # it learns of the robot at the next look; the embedded one looks when somebody unknown knocks
+        await until_let_in(broker, "giraff", key.token)
+    async with broker.client(*server_credentials("web")) as web, Heard(web) as heard:
+        await web.subscribe("telepresence/v1/+/state", qos=1)
+        async with broker.client("giraff", key.token) as giraff:
+            await giraff.publish(of("giraff", "state"), b"hello", qos=1)
+            await heard.payload(of("giraff", "state"), b"hello")
+            await sync_to_async(lambda: revoke(Robot.objects.get(name="giraff")))()
+            await until_thrown_out(giraff)
+    with pytest.raises(aiomqtt.MqttError):
+        async with broker.client("giraff", key.token):
+            pass
+
+
+async def test_a_disabled_robot_is_thrown_out(broker):
+    key = await sync_to_async(new_robot)("giraff")
+    await until_let_in(broker, "giraff", key.token)
+    with contextlib.suppress(aiomqtt.MqttError):
+        async with broker.client("giraff", key.token) as giraff:
+            await Robot.objects.aupdate(enabled=False)
+            await until_thrown_out(giraff)
+
+
+async def until_let_in(broker, user, token):
+    deadline = time.monotonic() + patient(SECONDS)
+    while True:
+        try:
+            async with broker.client(user, token):
+                return
+        except aiomqtt.MqttError:
+            assert time.monotonic() < deadline
+            await asyncio.sleep(0.1)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_a_signal_ends_it_and_all_that_it_started(broker, number):
+    broker.process.send_signal(number)
+    _, errors = broker.process.communicate(timeout=SECONDS)
+    assert broker.process.returncode == 0, errors
+    broker.wait_silent()
+
+
+def test_killed_it_leaves_nothing_behind(broker):
+    broker.process.kill()
+    broker.process.wait(SECONDS)
+    broker.wait_silent()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_busy_port_is_one_clear_sentence_and_a_failure(kind):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        result = subprocess.run(
+            [sys.executable, "manage.py", "run_broker", "--port", str(port), "--require", kind],
+            cwd=settings.BASE_DIR, env=os.environ | {"DJANGO_SETTINGS_MODULE": "tests.settings", "DATABASE_URL": f"sqlite:///{connection.settings_dict['NAME']}"},
+            capture_output=True, text=True, timeout=SECONDS, check=False,
+        )  # fmt: skip
+    assert result.returncode != 0
+    assert f"CommandError: The broker cannot listen on 127.0.0.1:{port}: Address already in use" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize("kind", KINDS)
+async def test_with_a_certificate_it_speaks_tls(kind, tmp_path):
+    key, chain = certificate(tmp_path)
+    broker = BrokerProcess("--require", kind, "--certificate", str(chain), "--key", str(key))
+    try:
+        assert broker.scheme == "mqtts"
+        tls = aiomqtt.TLSParameters(ca_certs=str(chain))
+        async with broker.client(*server_credentials("web"), tls_params=tls) as web, Heard(web) as heard:
+            await web.subscribe("telepresence/v1/#", qos=1)
+            await web.publish(of("giraff", "lease"), b"lease", qos=1)
+            await heard.payload(of("giraff", "lease"), b"lease")
+    finally:
+        broker.end()

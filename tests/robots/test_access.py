@@ -1,0 +1,132 @@
+"""Who may drive, watch and operate a robot."""
+
+import pytest
+from django.contrib.auth import get_user_model
+from django.contrib.auth.models import AnonymousUser, Permission
+
+from robots.access import may_drive, may_manage, may_observe, may_operate, robots_visible_to
+from robots.models import Robot, RobotPermit
+from sessions.wire import Refused
+
+pytestmark = pytest.mark.django_db
+Kind, Access = RobotPermit.Kind, Robot.Access
+
+
+def person(name, **fields):
+    return get_user_model().objects.create(username=name, **fields)
+
+
+def overseer(name="staff"):
+    user = person(name, is_staff=True)
+    user.user_permissions.add(Permission.objects.get(codename="change_robot"))
+    return user
+
+
+def robot(**fields):
+    return Robot.objects.create(**({"name": "giraff", "title": "Giraff"} | fields))
+
+
+def permit(user, robot, kind):
+    RobotPermit.objects.create(robot=robot, user=user, kind=kind)
+
+
+def test_everybody_who_is_signed_in_drives_and_watches_an_open_robot():
+    visitor = person("visitor")
+    assert may_drive(visitor, robot())
+    assert may_observe(visitor, Robot.objects.get())
+
+
+@pytest.mark.parametrize("user", [None, AnonymousUser()])
+def test_somebody_who_is_not_signed_in_does_nothing(user):
+    open_robot = robot()
+    for question in (may_drive, may_observe, may_operate):
+        assert question(user, open_robot).reason == "not_allowed"
+
+
+def test_a_deactivated_user_does_nothing():
+    assert may_drive(person("gone", is_active=False), robot()).reason == "not_allowed"
+
+
+@pytest.mark.parametrize(
+    ("access", "kind", "reason"), [(Access.INVITATION, Kind.INVITED, "not_invited"), (Access.TRAINED, Kind.TRAINED, "not_trained")]
+)
+def test_a_closed_robot_asks_for_its_own_kind_of_permit(access, kind, reason):
+    closed, visitor = robot(access=access), person("visitor")
+    other = Kind.TRAINED if kind == Kind.INVITED else Kind.INVITED
+    permit(visitor, closed, other)
+    assert may_drive(visitor, closed).reason == reason
+    assert may_observe(visitor, closed).reason == reason
+    permit(visitor, closed, kind)
+    assert may_drive(visitor, closed)
+    assert may_observe(visitor, closed)
+
+
+def test_a_permit_for_one_robot_opens_no_other():
+    one, visitor = robot(access=Access.INVITATION), person("visitor")
+    other = robot(name="rhodon", access=Access.INVITATION)
+    permit(visitor, one, Kind.INVITED)
+    assert may_drive(visitor, other).reason == "not_invited"
+
+
+def test_owner_operator_and_who_oversees_all_operate_drive_and_watch_a_closed_robot():
+    owner, operator, staff, visitor = person("owner"), person("operator"), overseer(), person("visitor")
+    closed = robot(owner=owner, access=Access.INVITATION, observers_allowed=False)
+    permit(operator, closed, Kind.OPERATOR)
+    for user in (owner, operator, staff):
+        assert may_operate(user, closed)
+        assert may_drive(user, closed)
+        assert may_observe(user, closed)
+    assert may_operate(visitor, closed).reason == "not_allowed"
+
+
+def test_a_robot_without_observers_is_watched_by_nobody_but_its_operators():
+    private, visitor = robot(observers_allowed=False), person("visitor")
+    assert may_drive(visitor, private)
+    assert may_observe(visitor, private).reason == "not_allowed"
+
+
+def test_a_disabled_robot_is_driven_by_nobody_and_can_still_be_operated():
+    staff, disabled = overseer(), robot(enabled=False)
+    assert may_drive(staff, disabled).reason == "disabled"
+    assert may_observe(staff, disabled).reason == "disabled"
+    assert may_operate(staff, disabled)
+
+
+def test_every_reason_is_a_word_that_the_page_knows():
+    closed = robot(access=Access.TRAINED, enabled=False)
+    for user in (None, person("visitor")):
+        for question in (may_drive, may_observe, may_operate):
+            Refused(reason=question(user, closed).reason)
+
+
+def test_a_visitor_sees_open_and_permitted_robots_an_owner_his_own_and_who_oversees_them_all():
+    visitor, owner, staff = person("visitor"), person("owner"), overseer()
+    robot(name="open")
+    invited = robot(name="invited", access=Access.INVITATION)
+    robot(name="hidden", access=Access.TRAINED)
+    robot(name="disabled", enabled=False, owner=owner)
+    permit(visitor, invited, Kind.INVITED)
+    permit(visitor, invited, Kind.TRAINED)
+
+    def names(user):
+        return sorted(robots_visible_to(user).values_list("name", flat=True))
+
+    assert names(visitor) == ["invited", "open"]
+    assert names(owner) == ["disabled", "open"]
+    assert names(staff) == ["disabled", "hidden", "invited", "open"]
+    assert names(AnonymousUser()) == ["open"]
+
+
+def test_who_enters_the_administration_for_something_else_operates_and_sees_no_robot_of_others():
+    staff, closed = person("staff", is_staff=True), robot(owner=person("owner"), access=Access.INVITATION)
+    assert may_operate(staff, closed).reason == "not_allowed"
+    assert may_drive(staff, closed).reason == "not_invited"
+    assert not may_manage(staff, closed)
+    assert not robots_visible_to(staff).exists()
+
+
+def test_an_operator_manages_nothing():
+    operator, one = person("operator", is_staff=True), robot()
+    permit(operator, one, Kind.OPERATOR)
+    assert may_operate(operator, one)
+    assert not may_manage(operator, one)

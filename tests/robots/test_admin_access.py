@@ -1,0 +1,89 @@
+"""What an owner finds in the administration: their own robot, and nothing about who drove it."""
+
+import pytest
+from django.urls import reverse
+
+from robots.models import FloorPlan, Robot
+from sessions import system_log
+from sessions.models import Lease, Session, SessionEvent
+from tests.support import replays
+from tests.support.people import person
+
+pytestmark = pytest.mark.django_db
+SECRETS = ("Zaphod", "zaphod", "198.51.100.0", "Mozilla", "told by the page")
+
+
+@pytest.fixture
+def owner(client):
+    user = person("owner", is_staff=True)
+    client.force_login(user)
+    return user
+
+
+@pytest.fixture
+def robot(owner):
+    return replays.cabin_robot(owner=owner)
+
+
+@pytest.fixture
+def driven(robot):
+    device = {"os": "Linux", "browser": "Firefox", "network": "198.51.100.0/24", "user_agent": "Mozilla/5.0"}
+    row = replays.session(robot, person("zaphod", display_name="Zaphod", email="zaphod@example.org"), seconds=60, device=device)
+    SessionEvent.objects.create(session=row, source="page", type="said", stamp=1.0, received_at=1.0, data={"text": "told by the page"})
+    Lease.objects.create(robot=robot, changed_at=row.granted_at)
+    system_log.log("session_ended", robot=robot, session=row)
+    return row
+
+
+def test_an_owner_changes_all_of_a_robot_but_whose_it_is_and_where(client, robot, owner):
+    other, elsewhere = person("other"), FloorPlan.objects.create(
+        name="attic", title="Attic", resolution=0.05, origin_x=0.0, origin_y=0.0, width=1, height=1, image=b"", sha256=""
+    )  # fmt: skip
+    form = {
+        "title": "Mine", "description": "", "enabled": "on", "access": "trained", "assist": "off", "calls": "ask", "charge_limit": "0.2",
+        "owner": str(other.pk), "floor_plan": str(elsewhere.pk), "name": "renamed",
+        "permits-TOTAL_FORMS": "0", "permits-INITIAL_FORMS": "0", "permits-MIN_NUM_FORMS": "0", "permits-MAX_NUM_FORMS": "1000",
+    }  # fmt: skip
+    assert client.post(reverse("admin:robots_robot_change", args=[robot.pk]), form).status_code == 302
+    changed = Robot.objects.get(pk=robot.pk)
+    assert (changed.title, changed.access, changed.calls) == ("Mine", "trained", "ask")
+    assert (changed.owner, changed.floor_plan.name, changed.name) == (owner, "cabin", "giraff")
+
+
+@pytest.mark.parametrize("page", ["session_changelist", "session_change", "session_history", "systemlog_changelist", "lease_changelist"])
+def test_an_owner_reads_that_the_robot_was_driven_and_not_by_whom(client, driven, page):
+    args = [driven.pk] if page in {"session_change", "session_history"} else []
+    html = client.get(reverse(f"admin:telepresence_sessions_{page}", args=args)).content.decode()
+    assert "Giraff" in html
+    assert [word for word in SECRETS if word in html] == []
+
+
+def test_an_owner_finds_no_session_by_what_they_know_of_a_visitor(client, driven):
+    address = reverse("admin:telepresence_sessions_session_changelist")
+    for question in ({"q": "zaphod"}, {"q": "zaphod@example.org"}):
+        assert not client.get(address, question).context["cl"].queryset.exists()
+    for lookup in ("visitor__username", "visitor__email__startswith"):
+        assert client.get(address, {lookup: "zaphod"}).status_code in {302, 400}
+
+
+@pytest.mark.parametrize("action", ["download_csv", "download_json"])
+def test_an_owner_takes_no_record_away(client, driven, action):
+    answer = client.post(reverse("admin:telepresence_sessions_session_changelist"), {"action": action, "_selected_action": [driven.pk]}, follow=True)
+    assert answer.headers.get("Content-Disposition") is None
+
+
+def test_an_owner_acts_on_no_robot_of_others_whatever_is_sent(client, owner, robot):
+    theirs = Robot.objects.create(name="rhodon", title="Rhodon", owner=person("other"), credential_hash="kept")
+    for action in ("disable", "revoke_credentials", "free", "rotate_credentials"):
+        client.post(reverse("admin:robots_robot_changelist"), {"action": action, "_selected_action": [theirs.pk, robot.pk]})
+    theirs.refresh_from_db()
+    assert (theirs.enabled, theirs.credential_hash, theirs.renewal_asked_at) == (True, "kept", None)
+    assert not Robot.objects.get(pk=robot.pk).enabled
+
+
+def test_an_owner_stops_a_session_on_their_robot_and_on_no_other(client, owner, robot):
+    here = replays.session(robot, person("ada"))
+    elsewhere = replays.session(Robot.objects.create(name="rhodon", title="Rhodon"), person("ben"))
+    chosen = {"action": "stop_sessions", "_selected_action": [here.pk, elsewhere.pk]}
+    client.post(reverse("admin:telepresence_sessions_session_changelist"), chosen)
+    assert dict(Session.objects.values_list("visitor__username", "state")) == {"ada": "ended", "ben": "driving"}

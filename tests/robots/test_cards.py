@@ -1,0 +1,143 @@
+import datetime
+
+import pytest
+
+from robots.cards import STATES, Traffic, card
+from robots.models import FloorPlan, Robot
+
+NOW = datetime.datetime(2026, 3, 1, 12, 0, tzinfo=datetime.UTC)
+
+
+def robot(**changes) -> Robot:
+    fields = {"name": "giraff", "title": "Giraff", "connection": "ONLINE", "last_seen_at": NOW, "report": {"battery": {"charge": 0.824}}}
+    return Robot(**(fields | changes))
+
+
+def shown(traffic: Traffic | None = None, barred: str = "", **changes):
+    return card(robot(**changes), traffic or Traffic(), barred=barred, url="/robots/giraff/", now=NOW)
+
+
+def test_a_robot_that_nobody_drives_is_free():
+    it = shown()
+    assert (it.state, it.label, it.action, it.drives) == ("available", "Free now", "Drive Giraff", True)
+    assert (it.charge, it.battery) == (82, "82 %")
+
+
+def test_a_robot_that_somebody_drives_offers_the_next_place():
+    it = shown(Traffic(driven=True))
+    assert (it.state, it.action, it.drives) == ("busy", "Wait in line", True)
+    assert it.detail == "Somebody is driving. You would be next."
+
+
+@pytest.mark.parametrize(("waiting", "words"), [(1, "1 visitor waits in line."), (3, "3 visitors wait in line.")])
+def test_the_line_is_counted(waiting, words):
+    assert shown(Traffic(driven=True, waiting=waiting)).detail == words
+
+
+def test_a_robot_between_two_turns_is_not_free_while_somebody_waits():
+    assert shown(Traffic(driven=False, waiting=1)).state == "busy"
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"connection": "OFFLINE"}, {"connection": "CONNECTIONBROKEN"}, {"last_seen_at": NOW - datetime.timedelta(minutes=5)}, {"enabled": False}],
+)
+def test_a_robot_that_is_not_there_cannot_be_driven_and_its_old_battery_is_not_shown(changes):
+    it = shown(**changes)
+    assert (it.state, it.drives, it.charge, it.battery) == ("offline", False, None, "")
+
+
+def test_an_offline_robot_says_when_it_was_last_there():
+    assert shown(connection="OFFLINE", last_seen_at=NOW - datetime.timedelta(hours=3, minutes=7)).detail == "Last seen 3\xa0hours ago."
+    assert shown(connection="OFFLINE", last_seen_at=None).detail == "It has not been connected yet."
+
+
+def test_an_emergency_stop_is_shown_before_everything_else():
+    it = shown(Traffic(driven=True), report={"safety": {"estop": True}})
+    assert (it.state, it.drives) == ("stopped", False)
+
+
+@pytest.mark.parametrize("reason", ["not_invited", "not_trained", "disabled"])
+def test_a_visitor_who_may_not_drive_reads_why_and_gets_no_wheel(reason):
+    it = shown(barred=reason)
+    assert not it.drives
+    assert it.action == "Open its page"
+    assert it.detail != "Ready when you are."
+
+
+@pytest.mark.parametrize(
+    "report",
+    [
+        None,
+        [],
+        "x",
+        {},
+        {"battery": None},
+        {"battery": {"charge": "full"}},
+        {"battery": {"charge": 7}},
+        {"battery": {"charge": float("nan")}},
+        {"safety": 3},
+    ],
+)
+def test_a_report_that_makes_no_sense_shows_no_battery(report):
+    it = shown(report=report)
+    assert (it.state, it.charge) == ("available", None)
+
+
+@pytest.mark.parametrize(
+    ("factsheet", "picture"),
+    [
+        (None, "any"),
+        ({"series": "giraff"}, "giraff"),
+        ({"series": "rhodon"}, "rhodon"),
+        ({"series": "../../secret"}, "any"),
+        ({"series": ["giraff"]}, "any"),
+    ],
+)
+def test_a_picture_is_one_of_ours(factsheet, picture):
+    assert shown(factsheet=factsheet).picture == f"img/robots/{picture}.svg"
+
+
+def test_charging_and_place_are_told():
+    it = shown(report={"battery": {"charge": 1.0, "charging": True}}, floor_plan=FloorPlan(name="office", title="Office"))
+    assert (it.battery, it.place) == ("100 %, charging", "Office")
+
+
+def test_lists_begin_with_what_can_be_driven_now():
+    assert STATES == ("available", "busy", "stopped", "offline")
+
+
+@pytest.mark.parametrize(("turnaround", "label"), [("returning", "On its way home"), ("charging", "Charging"), ("paused", "Not ready")])
+def test_a_robot_between_two_visits_says_what_it_does_and_can_be_waited_for(turnaround, label):
+    it = shown(returns_home=True, turnaround=turnaround)
+    assert (it.state, it.label, it.action) == ("busy", label, "Wait in line")
+    assert shown(Traffic(driven=True), returns_home=True, turnaround=turnaround).label == "In use"
+    assert shown(returns_home=False, turnaround=turnaround).state == "available"
+
+
+@pytest.mark.parametrize(
+    ("waiting", "minutes", "words"),
+    [(0, 3.2, "Somebody is driving. You would be next, in about 4 min."), (0, 0.0, "Somebody is driving. You would be next, in about 1 min."),
+     (2, 31.0, "You would be number 3 in line, for about 31 min.")],
+)  # fmt: skip
+def test_a_busy_robot_says_which_place_one_would_have_and_for_how_long(waiting, minutes, words):
+    assert shown(Traffic(driven=True, waiting=waiting, minutes=minutes)).detail == words
+
+
+LOST = {"errors": ["lens dirty", "adapter_lost: the MOOSDB at 10.0.0.7:9000 does not answer"]}
+
+
+def test_a_robot_that_its_agent_does_not_reach_is_not_available_and_its_addresses_are_not_told():
+    for traffic in (Traffic(), Traffic(driven=True, waiting=2)):
+        it = shown(traffic, report=LOST)
+        assert (it.state, it.label, it.drives) == ("stopped", "Not available", False)
+        assert "10.0.0.7" not in it.detail
+    assert shown(report={"errors": ["lens dirty"]}).state == "available"
+
+
+def test_an_emergency_stop_is_told_before_what_is_not_reached():
+    assert shown(report={**LOST, "safety": {"estop": True}}).label == "Stopped"
+
+
+def test_what_an_offline_robot_did_not_reach_is_over():
+    assert shown(connection="OFFLINE", report=LOST).state == "offline"

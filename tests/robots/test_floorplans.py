@@ -1,0 +1,119 @@
+"""Floor plans into the database, and out again to robots and pages."""
+
+import base64
+import hashlib
+import json
+
+import numpy as np
+import pytest
+
+from robots.agent.world.grid import encode_png
+from robots.agent.world.sites import SHIPPED
+from robots.api import floorplan
+from robots.api.codec import decode, encode
+from robots.floorplans import FloorPlanRefusedError, floor_plan_update, read_upload, store_floor_plan
+from robots.models import FloorPlan
+
+pytestmark = pytest.mark.django_db
+OFFICE = SHIPPED / "office"
+YAML = b"image: whatever.pgm\nresolution: 0.05\norigin: [-1.0, -2.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+
+
+def store_upload(*files, **words):
+    return FloorPlan.objects.create(**read_upload(*files, **words))
+
+
+def image(width=30, height=20, value=254):
+    return encode_png(np.full((height, width), value, dtype=np.uint8))
+
+
+def test_the_office_is_stored_and_stored_again_under_its_name():
+    first = store_floor_plan(OFFICE)
+    again = store_floor_plan(OFFICE)
+    assert first.pk == again.pk
+    assert FloorPlan.objects.count() == 1
+    kept = FloorPlan.objects.get(name="office")
+    assert kept.plan["rooms"]
+    assert kept.width > 100
+    assert kept.sha256 == hashlib.sha256(bytes(kept.image)).hexdigest()
+
+
+def test_a_robot_is_told_the_map_in_a_message_that_it_can_read():
+    plan = store_floor_plan(OFFICE)
+    message = decode("floorplan", encode(floor_plan_update(FloorPlan.objects.get())))
+    assert message.map_id == "office"
+    assert message.origin == (plan.origin_x, plan.origin_y, plan.origin_theta)
+    assert hashlib.sha256(base64.b64decode(message.image)).hexdigest() == message.sha256
+    assert floorplan.decode(json.dumps(message.plan)) == floorplan.decode((OFFICE / "plan.json").read_bytes())
+
+
+def test_a_robot_is_told_a_map_without_a_plan():
+    row = store_upload(YAML, image(), None, name="lab", title="The lab")
+    assert decode("floorplan", encode(floor_plan_update(row))).plan is None
+
+
+def test_a_map_without_a_plan_is_stored_under_the_name_that_is_given():
+    plan = store_upload(YAML, image(), None, name="lab", title="The lab")
+    assert (plan.width, plan.height, plan.resolution, plan.origin_x, plan.origin_y) == (30, 20, 0.05, -1.0, -2.0)
+    assert plan.plan == {}
+
+
+def test_a_pgm_as_map_server_writes_it_is_taken():
+    pgm = b"P5\n# CREATOR: map_saver\n6 4\n255\n" + bytes([254] * 24)
+    plan = store_upload(YAML, pgm, None, name="lab", title="The lab")
+    assert (plan.width, plan.height) == (6, 4)
+    assert bytes(plan.image).startswith(b"\x89PNG")
+
+
+def test_an_upload_with_a_plan_takes_its_name_from_it():
+    plan = store_upload((OFFICE / "map.yaml").read_bytes(), (OFFICE / "map.png").read_bytes(), (OFFICE / "plan.json").read_bytes())
+    assert plan.name == "office"
+
+
+def test_the_image_named_in_the_yaml_is_not_followed(tmp_path):
+    secret = tmp_path / "secret.png"
+    secret.write_bytes(image(width=7))
+    yaml = YAML.replace(b"whatever.pgm", str(secret).encode())
+    assert store_upload(yaml, image(width=30), None, name="lab", title="The lab").width == 30
+
+
+@pytest.mark.parametrize(
+    ("yaml", "picture", "plan", "word"),
+    [
+        (b"resolution: [", image(), None, "map.yaml"),
+        (b"just words", image(), None, "map.yaml"),
+        (b"- a\n- list", image(), None, "map.yaml"),
+        (YAML.replace(b"0.05", b"-1"), image(), None, "resolution"),
+        (YAML.replace(b"0.05", b".nan"), image(), None, "resolution"),
+        (YAML.replace(b"0.05", b"50"), image(), None, "resolution"),
+        (YAML.replace(b"-1.0", b".inf"), image(), None, "origin"),
+        (YAML.replace(b"0.196", b"0.9"), image(), None, "thresh"),
+        (YAML, b"GIF89a", None, "neither PNG nor PGM"),
+        (YAML, b"\x89PNG\r\n\x1a\nbroken", None, "image"),
+        (YAML, image(value=0), None, "no free cell"),
+        (YAML, image(), b"{}", "plan.json"),
+        (YAML, image(), b"\xff\xfe", "plan.json"),
+    ],
+    ids=map(str, range(13)),
+)
+def test_what_cannot_be_used_is_refused_with_a_sentence_and_changes_nothing(yaml, picture, plan, word):
+    with pytest.raises(FloorPlanRefusedError, match=word):
+        store_upload(yaml, picture, plan, name="lab", title="The lab")
+    assert not FloorPlan.objects.exists()
+
+
+def test_an_image_that_no_robot_would_take_is_refused():
+    noise = np.random.default_rng(1).integers(0, 255, (900, 900), dtype=np.uint8)
+    with pytest.raises(FloorPlanRefusedError, match="at most 512 kB"):
+        store_upload(YAML, encode_png(noise), None, name="lab", title="The lab")
+
+
+@pytest.mark.parametrize(("name", "title"), [("", "The lab"), ("lab", ""), ("a b", "The lab"), ("x" * 51, "The lab"), ("lab", "x" * 121)])
+def test_a_name_or_title_that_cannot_be_is_refused(name, title):
+    with pytest.raises(FloorPlanRefusedError, match=r"map id|title"):
+        store_upload(YAML, image(), None, name=name, title=title)
+
+
+def test_a_folder_without_its_files_is_refused(tmp_path):
+    with pytest.raises(FloorPlanRefusedError, match="No such file"):
+        store_floor_plan(tmp_path)

@@ -1,0 +1,29 @@
+"""STUN and TURN servers, with credentials that end."""
+
+import base64
+import hashlib
+import hmac
+
+from robots.ice import LIFETIME_SECONDS, ice_servers
+
+
+def test_without_servers_the_list_is_empty_and_never_a_public_default(settings):
+    settings.STUN_URLS, settings.TURN_URLS, settings.TURN_SECRET = [], [], ""
+    assert ice_servers("visitor", 0.0) == ()
+
+
+def test_turn_credentials_are_the_ones_that_coturn_checks(settings):
+    settings.STUN_URLS = ["stun:turn.example.org"]
+    settings.TURN_URLS, settings.TURN_SECRET = ["turn:turn.example.org", "turns:turn.example.org?transport=tcp"], "secret"
+    stun, turn = ice_servers("visitor", 1_000_000.7)
+    assert stun.urls == ("stun:turn.example.org",)
+    assert stun.username == ""
+    assert turn.urls == tuple(settings.TURN_URLS)
+    assert turn.username == f"{1_000_000 + LIFETIME_SECONDS}:visitor"
+    expected = hmac.new(b"secret", turn.username.encode(), hashlib.sha1).digest()
+    assert base64.b64decode(turn.credential) == expected
+
+
+def test_a_turn_server_without_its_secret_is_left_out(settings):
+    settings.STUN_URLS, settings.TURN_URLS, settings.TURN_SECRET = [], ["turn:turn.example.org"], ""
+    assert ice_servers("visitor", 0.0) == ()

@@ -1,0 +1,126 @@
+"""A site made elsewhere, through the command, into the database and into a simulator."""
+
+import json
+import shutil
+from io import StringIO
+from pathlib import Path
+
+import pytest
+from django.core.management import CommandError, call_command
+
+from robots.agent.simulator.profiles import GIRAFF
+from robots.agent.simulator.simulation import Simulation
+from robots.agent.world.grid import encode_png, read_grey
+from robots.agent.world.sites import SHIPPED, load_site
+from robots.models import FloorPlan
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture
+def var(settings, tmp_path):
+    settings.VAR_DIR = tmp_path / "var"
+    return settings.VAR_DIR
+
+
+@pytest.fixture
+def folder(tmp_path) -> Path:
+    """A copy of the clinic as somebody else might have it: another name, a PGM image under a name of its own."""
+    made = tmp_path / "elsewhere"
+    shutil.copytree(SHIPPED / "clinic", made)
+    plan = json.loads((made / "plan.json").read_text())
+    (made / "plan.json").write_text(json.dumps(plan | {"mapId": "our-clinic", "title": "Our clinic"}))
+    grey = read_grey(made / "map.png")
+    (made / "first_floor.pgm").write_bytes(b"P5 %d %d 255\n" % (grey.shape[1], grey.shape[0]) + grey.tobytes())
+    (made / "map.png").unlink()
+    (made / "map.yaml").write_text((made / "map.yaml").read_text().replace("map.png", "first_floor.pgm"))
+    return made
+
+
+def take(folder: Path, *options: str) -> str:
+    out = StringIO()
+    call_command("import_floorplan", str(folder), *options, stdout=out)
+    return out.getvalue()
+
+
+def test_a_site_is_taken_into_database_and_simulator(folder, var):
+    said = take(folder)
+    assert "Took the site our-clinic (Our clinic)." in said
+    assert f"plan={var / 'sites' / 'our-clinic'}" in said
+    assert FloorPlan.objects.get().name == "our-clinic"
+    site = load_site(str(var / "sites" / "our-clinic"))
+    assert (site.grid.image == load_site("clinic").grid.image).all()
+    assert Simulation(GIRAFF, site.plan, seed=1).docked
+    assert sorted(path.name for path in (var / "sites").iterdir()) == ["our-clinic"]
+
+
+def test_a_site_replaces_its_earlier_self(folder, var):
+    take(folder)
+    plan = json.loads((folder / "plan.json").read_text())
+    (folder / "plan.json").write_text(json.dumps(plan | {"title": "Rebuilt"}))
+    assert "Replaced the site our-clinic (Rebuilt)." in take(folder)
+    assert FloorPlan.objects.get().title == "Rebuilt"
+    assert load_site(str(var / "sites" / "our-clinic")).plan.title == "Rebuilt"
+
+
+def test_a_check_changes_nothing(folder, var):
+    assert "can be used" in take(folder, "--check")
+    assert not FloorPlan.objects.exists()
+    assert not var.exists()
+
+
+def change_plan(folder: Path, **parts: object) -> None:
+    plan = json.loads((folder / "plan.json").read_text())
+    (folder / "plan.json").write_text(json.dumps(plan | parts))
+
+
+def spoil(folder: Path, what: str) -> None:
+    match what:
+        case "no folder":
+            shutil.rmtree(folder)
+        case "no plan":
+            (folder / "plan.json").unlink()
+        case "no map":
+            (folder / "map.yaml").unlink()
+        case "no image":
+            (folder / "first_floor.pgm").unlink()
+        case "no JSON":
+            (folder / "plan.json").write_text("{,")
+        case "a slip of the pen":
+            change_plan(folder, docs=[])
+        case "nothing free":
+            (folder / "map.yaml").write_text((folder / "map.yaml").read_text().replace("negate: 0", "negate: 1"))
+            grey = read_grey(folder / "first_floor.pgm") * 0 + 254
+            (folder / "first_floor.pgm").write_bytes(encode_png(grey))
+        case "other scale":
+            (folder / "map.yaml").write_text((folder / "map.yaml").read_text().replace("0.05", "0.2"))
+        case "place in a wall":
+            change_plan(folder, places=[{"name": "nook", "title": "Nook", "x": 3.2, "y": 7.7}])
+        case "path of a map id":
+            change_plan(folder, mapId="a" * 60)
+
+
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [
+        ("no folder", "No such file"),
+        ("no plan", r"plan\.json: No such file"),
+        ("no map", r"map\.yaml"),
+        ("no image", r"first_floor\.pgm"),
+        ("no JSON", r"plan\.json: JSON is malformed"),
+        ("a slip of the pen", "unknown field `docs`"),
+        ("nothing free", "no free cell"),
+        ("other scale", "do not show the same place"),
+        ("place in a wall", "Place 'nook' lies in a wall or in furniture on the map."),
+        ("path of a map id", "map id must be at most 50"),
+    ],
+)
+def test_a_site_that_cannot_be_used_is_refused_with_sentences_and_changes_nothing(folder, var, what, words):
+    take(folder)
+    before = FloorPlan.objects.get()
+    spoil(folder, what)
+    with pytest.raises(CommandError, match=words):
+        take(folder)
+    now = FloorPlan.objects.get()
+    assert (now.sha256, now.plan, now.title) == (before.sha256, before.plan, before.title)
+    assert load_site(str(var / "sites" / "our-clinic")).plan.title == "Our clinic"

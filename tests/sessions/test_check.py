@@ -1,0 +1,68 @@
+"""The page that checks browser and network, and the line that says back what it is told."""
+
+import json
+import re
+
+import pytest
+from channels.testing import WebsocketCommunicator
+from django.contrib.auth.models import AnonymousUser
+
+from accounts.models import User
+from sessions import wire
+from sessions.check_consumer import LONGEST, MOST_ECHOES, CheckConsumer
+from tests.support.patience import patient
+
+pytestmark = pytest.mark.django_db  # a consumer looks after the connections of its thread, whoever opened them
+
+
+def servers_on(page) -> list[dict]:
+    return json.loads(re.search(r'id="config"[^>]*>(.*?)</script>', page.content.decode())[1])["iceServers"]
+
+
+def test_anybody_may_check_but_only_who_is_signed_in_may_use_the_detour(client, settings):
+    settings.STUN_URLS, settings.TURN_URLS, settings.TURN_SECRET = ["stun:a.example"], ["turn:a.example"], "secret"
+    assert servers_on(client.get("/check/")) == [{"urls": ["stun:a.example"]}]
+    client.force_login(User.objects.create_user("ada", password="x"))
+    signed_in = servers_on(client.get("/check/"))
+    assert [server["urls"] for server in signed_in] == [["stun:a.example"], ["turn:a.example"]]
+    assert signed_in[1]["username"].endswith(str(User.objects.get().pk))
+
+
+@pytest.mark.parametrize(("language", "title"), [("en", "Check my connection"), ("es", "Comprobar mi conexión")])
+def test_the_page_speaks_the_visitors_language_and_says_what_it_is_looking_for(client, settings, language, title):
+    settings.STUN_URLS = []
+    page = client.get("/check/", headers={"Accept-Language": language})
+    assert title in page.content.decode()
+    assert servers_on(page) == []
+
+
+async def opened() -> WebsocketCommunicator:
+    line = WebsocketCommunicator(CheckConsumer.as_asgi(), f"/{wire.CHECK_PATH}")
+    line.scope["user"] = AnonymousUser()
+    connected, _ = await line.connect(timeout=patient(5))
+    assert connected
+    return line
+
+
+async def test_the_line_says_back_a_few_short_words_to_anybody():
+    line = await opened()
+    for _ in range(MOST_ECHOES):
+        await line.send_to("?")
+        assert await line.receive_from(timeout=patient(5)) == "?"
+    await line.send_to("?")
+    assert await line.receive_output(timeout=patient(5)) == {"type": "websocket.close", "code": wire.FLOODED}
+    await line.disconnect()
+
+
+async def test_the_line_says_back_nothing_long():
+    line = await opened()
+    await line.send_to("?" * (LONGEST + 1))
+    assert (await line.receive_output(timeout=patient(5)))["type"] == "websocket.close"
+    await line.disconnect()
+
+
+async def test_the_line_ends_by_itself(monkeypatch):
+    monkeypatch.setattr("sessions.check_consumer.SECONDS", 0.05)
+    line = await opened()
+    assert (await line.receive_output(timeout=patient(5)))["type"] == "websocket.close"
+    await line.disconnect()

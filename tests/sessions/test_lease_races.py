@@ -1,0 +1,122 @@
+"""Two operating-system processes ask at the same instant, again and again, on real databases: never two leases."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.postgres import running_postgres
+
+ROOT = Path(__file__).resolve().parents[2]
+ROUNDS = 1000
+RUNNER = """
+import json, sys
+import django
+django.setup()
+from django.core.management import call_command
+call_command("migrate", verbosity=0)
+"""
+
+
+@pytest.fixture(scope="module", params=["sqlite", pytest.param("postgres", marks=pytest.mark.postgres)])
+def database(request, tmp_path_factory) -> Iterator[dict[str, str]]:
+    var = tmp_path_factory.mktemp(f"races-{request.param}")
+    environment = {**os.environ, "VAR_DIR": str(var), "HTTP_ONLY": "1", "DJANGO_SETTINGS_MODULE": "tests.settings", "LOG_LEVEL": "WARNING"}
+    environment.pop("DATABASE_URL", None)
+    if request.param == "sqlite":
+        yield environment
+        return
+    with running_postgres() as server:
+        yield {**environment, "DATABASE_URL": server.url}
+
+
+def django(environment: dict[str, str], code: str) -> str:
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+class Racers:
+    """Two processes that ask at the same instant."""
+
+    def __init__(self, environment: dict[str, str]) -> None:
+        command = [sys.executable, "-m", "tests.support.lease_racer"]
+        self.processes = [
+            subprocess.Popen(command, cwd=ROOT, env=environment, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE) for _ in range(2)
+        ]
+        for process in self.processes:
+            assert process.stdout.readline() == "ready\n"
+
+    def race(self, *questions: str) -> list[dict]:
+        start = time.time() + 0.004
+        for process, question in zip(self.processes, questions, strict=True):
+            process.stdin.write(f"{start} {question}\n")
+            process.stdin.flush()
+        return [json.loads(process.stdout.readline()) for process in self.processes]
+
+    def close(self) -> None:
+        for process in self.processes:
+            process.stdin.close()
+        for process in self.processes:
+            process.wait(timeout=40)
+
+
+PREPARE = (
+    RUNNER
+    + """
+from accounts.models import User
+from robots.models import Robot
+from django.utils import timezone
+now = timezone.now() + timezone.timedelta(hours=1)  # heard of all the time
+Robot.objects.bulk_create(Robot(name=f"{prefix}{n}", title="r", connection="ONLINE", last_seen_at=now) for n in range(rounds))
+for name in ("ana", "ben"):
+    User.objects.get_or_create(username=name)
+"""
+)
+COUNT = (
+    RUNNER
+    + """
+from sessions.models import Lease, Session
+live = Session.objects.exclude(state="ended").filter(robot__name__startswith=prefix)
+leases = Lease.objects.filter(robot__name__startswith=prefix)
+print(json.dumps({
+    "driving": live.exclude(state="waiting").count(), "waiting": live.filter(state="waiting").count(),
+    "leases": leases.count(), "epochs": sorted(set(leases.values_list("epoch", flat=True))),
+    "held": leases.filter(session__isnull=False).count(),
+    "agree": all(lease.session.state == "connecting" for lease in leases.select_related("session")),
+}))
+"""
+)
+
+
+def run(environment: dict[str, str], prefix: str, visitors: tuple[str, str]) -> tuple[list[list[dict]], dict]:
+    names = f"prefix, rounds = {prefix!r}, {ROUNDS}\n"
+    django(environment, names + PREPARE)
+    racers = Racers(environment)
+    try:
+        rounds = [racers.race(f"{prefix}{n} {visitors[0]} left", f"{prefix}{n} {visitors[1]} right") for n in range(ROUNDS)]
+    finally:
+        racers.close()
+    return rounds, json.loads(django(environment, names + COUNT))
+
+
+def test_of_two_visitors_one_drives_and_the_other_waits(database):
+    rounds, found = run(database, "two", ("ana", "ben"))
+    kinds = [sorted(answer["kind"] for answer in answers) for answers in rounds]
+    assert kinds == [["Granted", "Queued"]] * ROUNDS
+    winners = [answers[0]["kind"] == "Granted" for answers in rounds]
+    assert 0 < sum(winners) < ROUNDS, "one side won every time: they did not race"
+    assert found == {"driving": ROUNDS, "waiting": ROUNDS, "leases": ROUNDS, "epochs": [1], "held": ROUNDS, "agree": True}
+
+
+def test_of_two_tabs_of_one_visitor_one_drives_and_the_other_is_told_where(database):
+    rounds, found = run(database, "tab", ("ana", "ana"))
+    for answers in rounds:
+        assert sorted(answer["kind"] for answer in answers) == ["Granted", "Refused"]
+        assert answers[0]["session"] == answers[1]["session"], "two tabs, one session"
+    assert found == {"driving": ROUNDS, "waiting": 0, "leases": ROUNDS, "epochs": [1], "held": ROUNDS, "agree": True}

@@ -1,0 +1,32 @@
+"""The recorder on PostgreSQL, which is stricter about text than SQLite, and goes away."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.support.postgres import running_postgres
+
+pytestmark = pytest.mark.postgres
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_a_crash_of_the_database_and_text_that_it_cannot_hold_cost_no_other_state(tmp_path):
+    with running_postgres() as server:
+        environment = {**os.environ, "VAR_DIR": str(tmp_path), "DATABASE_URL": server.url}
+        command = [sys.executable, "-m", "tests.support.record_exercise"]
+        with subprocess.Popen(command, cwd=ROOT, env=environment, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as exercise:
+            assert json.loads(exercise.stdout.readline()) == {"at": "half"}
+            server.stop()
+            print("go on", file=exercise.stdin, flush=True)
+            assert json.loads(exercise.stdout.readline()) == {"at": "away"}
+            server.start()
+            print("go on", file=exercise.stdin, flush=True)
+            found = json.loads(exercise.stdout.readline())
+    assert found["stopped"]
+    assert found["seqs"] == list(range(1, 201))
+    assert found["said"] == "ab"
+    assert found["refused"] >= 1, "what cannot be text is refused by itself"

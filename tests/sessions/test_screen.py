@@ -1,0 +1,170 @@
+"""A robot's own display: its key, its page and its WebSocket, with a bridge in memory and a real database."""
+
+import io
+
+import pytest
+from asgiref.sync import sync_to_async
+from channels.testing import WebsocketCommunicator
+from django.contrib.auth import get_user_model
+from django.core.management import CommandError, call_command
+from django.test import Client
+from django.utils import timezone
+
+from robots.api import messages as m
+from robots.models import Robot
+from robots.screens import cookie_of, make_screen_key, revoke_screen_key, screen_of
+from sessions import wire
+from tests.support import words
+from tests.support.pages import ORIGIN, SECONDS, Page, until
+from tests.support.patience import patient
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+
+@pytest.fixture
+def robot(db):
+    return Robot.objects.create(name="giraff", title="Giraff", connection="ONLINE", boot="b1", last_seen_at=timezone.now())
+
+
+@pytest.fixture
+def key(robot):
+    return make_screen_key(robot, timezone.now())
+
+
+class Display(Page):
+    """A page of the robot's screen."""
+
+    def __init__(self, key, robot="giraff"):
+        super().__init__(robot)
+        self.key = key
+
+    async def open(self):
+        from telepresence_site.asgi import application
+
+        cookie = f"{cookie_of(self.robot)}={self.key}".encode()
+        headers = [(b"host", b"127.0.0.1"), (b"origin", ORIGIN.encode()), (b"cookie", cookie)]
+        self.socket = WebsocketCommunicator(application, f"/ws/robots/{self.robot}/screen/", headers=headers)
+        self.accepted, self.code = await self.socket.connect(timeout=patient(SECONDS))
+        return self.accepted
+
+
+def action(kind, **fields):
+    return kind(**{"action_id": "a1", "stamp": 1.0, **fields})
+
+
+# --- the key ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_key_opens_its_own_robots_screen_until_another_is_made_or_it_is_taken_away(robot, key):
+    Robot.objects.create(name="rhodon", title="Rhodon")
+    assert screen_of("giraff", key) == robot
+    assert screen_of("rhodon", key) is None
+    assert screen_of("giraff", "") is None
+    again = make_screen_key(robot, timezone.now())
+    assert (screen_of("giraff", key), screen_of("giraff", again)) == (None, robot)
+    revoke_screen_key(robot)
+    assert screen_of("giraff", again) is None
+    assert key not in str(Robot.objects.values().first())
+
+
+def test_the_page_takes_the_key_once_and_keeps_it_where_no_script_reads_it(client, robot, key):
+    page = client.get("/robots/giraff/screen/")
+    assert page.status_code == 200
+    assert key not in page.content.decode()
+    refused = client.post("/robots/giraff/screen/key/", {"key": "guess"})
+    assert (refused.status_code, cookie_of("giraff") in client.cookies) == (403, False)
+    assert client.post("/robots/giraff/screen/key/", {"key": key}).status_code == 204
+    cookie = client.cookies[cookie_of("giraff")]
+    assert (cookie.value, cookie["httponly"], cookie["samesite"]) == (key, True, "Strict")
+
+
+def test_without_the_key_the_page_tells_neither_what_a_robot_is_called_nor_whether_there_is_one(client, robot, key):
+    Robot.objects.filter(pk=robot.pk).update(title="The board room", access=Robot.Access.INVITATION)
+    there, nowhere = client.get("/robots/giraff/screen/"), client.get("/robots/nowhere/screen/")
+    assert (there.status_code, nowhere.status_code) == (200, 200)
+    assert "The board room" not in there.content.decode()
+    client.cookies[cookie_of("giraff")] = key
+    assert "The board room" in client.get("/robots/giraff/screen/").content.decode()
+
+
+def test_guessing_ends_soon_and_a_foreign_page_cannot_guess_at_all(client, robot, key):
+    codes = [client.post("/robots/giraff/screen/key/", {"key": f"guess {n}"}).status_code for n in range(25)]
+    assert codes[0] == 403
+    assert codes[-1] == 429
+    assert Client(enforce_csrf_checks=True).post("/robots/giraff/screen/key/", {"key": key}).status_code == 403
+
+
+def test_the_owner_makes_the_address_in_the_administration_and_takes_it_away(client, robot):
+    client.force_login(get_user_model().objects.create(username="researcher", is_staff=True, is_superuser=True))
+    address = f"/admin/robots/robot/{robot.pk}/screen/"
+    made = client.post(address).content.decode()
+    shown = made.partition('<pre id="screen-address">')[2].partition("</pre>")[0]
+    assert shown.startswith("http://testserver/robots/giraff/screen/#")
+    assert screen_of("giraff", shown.partition("#")[2]) is not None
+    assert shown not in client.get(address).content.decode()
+    client.post(address, {"revoke": "1"})
+    assert screen_of("giraff", shown.partition("#")[2]) is None
+    assert "Make an address" in client.get(f"/admin/robots/robot/{robot.pk}/change/").content.decode()
+
+
+def test_the_command_prints_an_address_that_opens(robot):
+    out = io.StringIO()
+    call_command("screen_link", "giraff", server="https://example.org/", stdout=out)
+    address, _, key = out.getvalue().strip().partition("#")
+    assert address == "https://example.org/robots/giraff/screen/"
+    assert screen_of("giraff", key) == robot
+    with pytest.raises(CommandError, match="nobody"):
+        call_command("screen_link", "nobody")
+
+
+# --- the WebSocket ---------------------------------------------------------------------------------------------------
+
+
+async def test_without_its_key_nobody_is_a_robots_screen(bridge, robot, key):
+    for wrong in ("", "guess"):
+        display = Display(wrong)
+        await display.open()
+        assert await display.closed() == wire.NOT_ALLOWED
+
+
+async def test_a_screen_is_told_who_visits_and_what_they_say(bridge, robot, key):
+    ada = await sync_to_async(get_user_model().objects.create_user)("ada", display_name="Ada", password="x")
+    async with Display(key) as display, Page("giraff", ada) as page, Page("giraff", ada) as watching:
+        assert (await display.expect("screen")).visitor is None
+        granted = await page.take()
+        shown = await display.expect("screen")
+        assert (shown.visitor, shown.session, shown.study) == ("Ada", granted.session, False)
+        await watching.say("session/observe", wire.Observe())
+        await watching.expect("session/observing")
+        said = m.Words(stamp=1.0, action_id="a1", session=granted.session, by="driver", who="Ada", text="Hello")
+        bridge.say("giraff", "words", said)
+        assert await display.expect("words") == said
+        assert await page.expect("words") == said
+        await watching.settle(bridge)
+        assert watching.told("words") == []
+
+
+async def test_what_a_screen_asks_reaches_the_robot_as_the_screens_and_on_the_servers_clock(bridge, robot, key):
+    async with Display(key) as display:
+        await display.expect("screen")
+        await display.say("command/action", action(m.AnswerCall, accept=True, role="owner", user="Mallory"))
+        await until(lambda: bridge.sent)
+        name, suffix, answer = bridge.sent[-1]
+        assert (name, suffix, answer.role, answer.user) == ("giraff", "command/action", "screen", "Giraff")
+        assert answer.stamp > 1.6e9
+        await display.say("command/action", action(m.EStop))
+        await until(lambda: bridge.stops)
+        assert bridge.stops[-1][1].role == "screen"
+        await display.say("command/velocity", words.velocity())
+        assert (await display.expect("denied")).reason == "not_allowed"
+
+
+async def test_a_replaced_key_sends_the_display_away(bridge, robot, key, monkeypatch):
+    from sessions import screen_consumer
+
+    monkeypatch.setattr(screen_consumer, "WELCOME_EVERY", 0.0)
+    monkeypatch.setattr(screen_consumer, "LOOK_EVERY", 0.05)
+    async with Display(key) as display:
+        await display.expect("screen")
+        await sync_to_async(revoke_screen_key)(robot)
+        assert await display.closed() == wire.NOT_ALLOWED

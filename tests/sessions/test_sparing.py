@@ -1,0 +1,28 @@
+"""What a page that hears its robot directly is spared."""
+
+from sessions.relay import Sparing
+
+
+def test_a_page_gets_everything_until_it_hears_its_robot_directly():
+    sparing = Sparing()
+    assert all(sparing.passes(suffix, 0.01 * n) for n in range(9) for suffix in ("state", "pose", "scan", "event", "heartbeat"))
+
+
+def test_a_page_that_hears_its_robot_gets_a_state_now_and_then_and_what_must_not_be_lost():
+    sparing = Sparing()
+    sparing.direct = True
+    passed = [
+        suffix for n in range(32) for suffix in ("state", "pose", "scan", "path", "event", "action", "heartbeat") if sparing.passes(suffix, 0.25 * n)
+    ]
+    assert passed.count("state") == 4
+    assert passed.count("pose") == passed.count("scan") == 0
+    assert all(passed.count(suffix) == 32 for suffix in ("path", "event", "action", "heartbeat"))
+
+
+def test_everything_comes_again_at_once_when_the_direct_way_falls_silent():
+    sparing = Sparing()
+    sparing.direct = True
+    assert sparing.passes("state", 1.0)
+    assert not sparing.passes("state", 1.1)
+    sparing.direct = False
+    assert all(sparing.passes(suffix, 1.2) for suffix in ("state", "pose", "scan"))

@@ -1,0 +1,46 @@
+"""The words of the WebSocket beside the Robot API."""
+
+import msgspec
+import pytest
+
+from robots.api import codec, topics
+from robots.api.errors import Rejection
+from sessions import wire
+from sessions.models import Session
+from sessions.turns import Refused
+
+
+def test_no_suffix_of_the_page_is_one_of_the_robot_api():
+    # `signal/reply` looks like the signal of a peer called reply; peers are called by the server, in random letters.
+    ours = {*wire.TO_SERVER, *wire.TO_PAGE, wire.SIGNAL} - {"signal/reply"}
+    assert all(topics.find(suffix) is None for suffix in ours)
+
+
+def test_a_page_report_keeps_the_pages_own_words():
+    network = codec.encode(wire.PageNetwork(stamp=1.0, way="mqtt", loss=0.1))
+    report = wire.PageReport(suffix="page/network", session="s1", message=msgspec.Raw(network))
+    back = msgspec.json.decode(codec.encode(report), type=wire.PageReport)
+    assert (back.session, bytes(back.message)) == ("s1", network)
+    assert wire.page_reports("s1") == "telepresence/v1/server/page/s1"
+
+
+@pytest.mark.parametrize(
+    ("suffix", "payload"), [("session/take", '{"session":"a b"}'), ("page/event", "{}"), ("signal", '{"type":"answer","sdp":""}')]
+)
+def test_what_is_not_a_word_of_the_page_is_malformed(suffix, payload):
+    with pytest.raises(Rejection) as rejected:
+        wire.decode(suffix, payload)
+    assert rejected.value.reason == "malformed"
+
+
+def test_every_outcome_and_every_refusal_fits_into_its_message():
+    for outcome in Session.Outcome.values:
+        assert msgspec.convert({"session": "s", "outcome": outcome}, wire.Ended)
+    for reason in Refused.__annotations__["reason"].__args__:
+        assert msgspec.convert({"reason": reason}, wire.Refused)
+
+
+def test_close_codes_differ_and_are_for_applications():
+    codes = [wire.SIGNED_OUT, wire.NOT_ALLOWED, wire.NO_SUCH_ROBOT, wire.FLOODED, wire.TOO_SLOW, wire.REPLACED]
+    assert len(set(codes)) == len(codes)
+    assert all(4000 <= code < 5000 for code in codes)

@@ -1,0 +1,18 @@
+"""The site's settings with what tests change: plain http, plain static files, quick password hashes, and a directory of their own."""
+
+import atexit
+import os
+import shutil
+import tempfile
+
+if "VAR_DIR" not in os.environ:
+    os.environ["VAR_DIR"] = tempfile.mkdtemp(prefix="telepresence-tests-")
+    atexit.register(shutil.rmtree, os.environ["VAR_DIR"], ignore_errors=True)
+os.environ.setdefault("HTTP_ONLY", "1")
+os.environ.setdefault("PLAIN_STATIC", "1")
+os.environ.setdefault("LOG_LEVEL", "WARNING")
+
+from telepresence_site.settings import *  # noqa: F403
+
+PASSWORD_HASHERS = ["django.contrib.auth.hashers.MD5PasswordHasher"]
+STATIC_ROOT.mkdir(parents=True, exist_ok=True)  # noqa: F405 -- WhiteNoise warns of a folder that is not there

@@ -1,0 +1,119 @@
+"""What never reaches Django."""
+
+import pytest
+
+from telepresence_site.asgi_limits import CONNECTS_AT_ONCE, BodyLimit, ConnectLimit, SameOrigin, is_same
+
+
+async def sends(limit: int, parts: list[bytes], headers: tuple = ()) -> tuple[list[dict], int]:
+    """Post parts of a body; return what was answered and how many bytes the application has read."""
+    said, read = [], 0
+    waiting = [{"type": "http.request", "body": part, "more_body": n + 1 < len(parts)} for n, part in enumerate(parts)]
+
+    async def application(_scope, receive, send):
+        nonlocal read
+        while True:
+            message = await receive()
+            if message["type"] == "http.disconnect":
+                return
+            read += len(message["body"])
+            if not message["more_body"]:
+                await send({"type": "http.response.start", "status": 200})
+                return
+
+    async def receive():
+        return waiting.pop(0)
+
+    async def send(message):
+        said.append(message)
+
+    await BodyLimit(application, limit)({"type": "http", "headers": headers}, receive, send)
+    return said, read
+
+
+async def test_a_body_that_fits_is_read_to_its_end():
+    said, read = await sends(10, [b"12345", b"67890"])
+    assert (said[0]["status"], read) == (200, 10)
+
+
+async def test_a_body_that_says_it_is_too_large_is_refused_unread():
+    said, read = await sends(10, [b"1"], headers=((b"Content-Length", b"11"),))
+    assert (said[0]["status"], read) == (413, 0)
+
+
+async def test_a_body_that_turns_out_too_large_is_refused_once_and_read_no_further():
+    said, read = await sends(10, [b"12345678", b"9012", b"3"])
+    assert [message.get("status") for message in said] == [413, None]
+    assert read == 8
+
+
+async def test_nonsense_for_a_length_is_no_way_round_the_limit():
+    said, read = await sends(4, [b"12345"], headers=((b"content-length", b"-1"),))
+    assert (said[0]["status"], read) == (413, 0)
+
+
+async def opens(origin: bytes | None, host: bytes = b"robots.example", trusted: tuple[str, ...] = ()) -> bool:
+    """Tell whether a page of this origin may open a WebSocket."""
+    opened = []
+
+    async def application(_scope, _receive, _send):
+        opened.append(True)
+
+    async def send(_message):
+        pass
+
+    headers = [(b"host", host), *([(b"origin", origin)] if origin is not None else [])]
+    await SameOrigin(application, list(trusted))({"type": "websocket", "headers": headers}, None, send)
+    return bool(opened)
+
+
+async def test_a_page_of_this_very_host_and_port_opens_a_socket():
+    assert await opens(b"https://robots.example")
+    assert await opens(b"HTTPS://Robots.Example", b"robots.example:443")
+    assert await opens(b"http://127.0.0.1:8000", b"127.0.0.1:8000")
+
+
+@pytest.mark.parametrize(
+    "origin",
+    [None, b"", b"null", b"https://robots.example:8443", b"http://robots.example:8000", b"https://evil.example", b"https://robots.example.evil.example",
+     b"https://evil.example#robots.example", b"file://", b"https://robots.example:port"],
+)  # fmt: skip
+async def test_a_page_from_anywhere_else_even_from_another_port_opens_none(origin):
+    assert not await opens(origin)
+
+
+async def test_an_origin_that_is_trusted_with_forms_is_trusted_with_sockets():
+    assert await opens(b"https://other.example", trusted=("https://other.example",))
+
+
+def test_an_ipv6_host_is_compared_like_any_other():
+    assert is_same("http://[::1]:8000", "[::1]:8000")
+    assert not is_same("http://[::1]:8000", "[::2]:8000")
+
+
+async def test_an_address_that_opens_sockets_without_end_is_kept_out_for_a_while_and_no_other_is():
+    let_in: list[str] = []
+    clock = [0.0]
+
+    async def application(scope, _receive, _send):
+        let_in.append(scope["client"][0])
+
+    async def send(_message):
+        pass
+
+    async def come(address: str, times: int, forwarded: str = "") -> int:
+        let_in.clear()
+        headers = [(b"x-forwarded-for", forwarded.encode())] if forwarded else []
+        for _ in range(times):
+            await limit({"type": "websocket", "client": (address, 1), "headers": headers}, None, send)
+        return len(let_in)
+
+    limit = ConnectLimit(application, ["10.0.0.1"], now=lambda: clock[0])
+    most = int(CONNECTS_AT_ONCE)
+    assert await come("198.51.100.7", most + 50) == most
+    assert await come("198.51.100.7", 1, forwarded="198.51.100.8") == 0  # it says so itself
+    assert await come("198.51.100.8", 1) == 1
+    assert await come("10.0.0.1", 1, forwarded="198.51.100.7") == 0  # our proxy says so
+    assert await come("10.0.0.1", 1, forwarded="198.51.100.9") == 1
+    clock[0] = 2.0
+    assert await come("198.51.100.7", 50) == 10

@@ -1,0 +1,145 @@
+"""A wrong setting is told when a command starts."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from django.conf import settings as site
+from django.core.checks import run_checks
+
+from telepresence_site import checks
+
+PRODUCTION = {
+    "SECRET_KEY": "k" * 30 + "abcdefghijklmnopqrstuvwxyz0123456789",
+    "ALLOWED_HOSTS": "robots.example.org",
+    "REDIS_URL": "redis://127.0.0.1:6379",
+    "DATABASE_URL": "postgres://telepresence@127.0.0.1/telepresence",
+    "MQTT_URL": "mqtt://127.0.0.1:1883",
+    "MQTT_PUBLIC_URL": "mqtts://{host}:8883",
+    "STUN_URLS": "stun:robots.example.org",
+    "TURN_URLS": "turn:robots.example.org,turns:robots.example.org?transport=tcp",
+    "TURN_SECRET": "shared",
+    "EMAIL_VERIFICATION": "mandatory",
+    "EMAIL_HOST": "mail.example.org",
+    "TRUSTED_PROXIES": "127.0.0.1,10.0.0.0/8",
+    "BEHIND_TLS_PROXY": "1",
+    "HSTS_SECONDS": "31536000",
+    "HSTS_SUBDOMAINS": "1",
+    "HSTS_PRELOAD": "1",
+}
+
+
+def found_by(check):
+    return [message.id for message in check()]
+
+
+def check_deploy(tmp_path, **changed):
+    kept = {name: value for name, value in os.environ.items() if name in {"PATH", "HOME", "LANG", "VIRTUAL_ENV"}}
+    (tmp_path / "var" / "static").mkdir(parents=True)
+    environment = kept | PRODUCTION | {"VAR_DIR": str(tmp_path / "var"), "DJANGO_SETTINGS_MODULE": "telepresence_site.settings"} | changed
+    return subprocess.run(
+        [sys.executable, "manage.py", "check", "--deploy", "--fail-level", "WARNING"],
+        cwd=site.BASE_DIR, env=environment, capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+
+
+def test_a_sensible_server_passes_the_deployment_check_without_a_word(tmp_path):
+    result = check_deploy(tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "no issues" in result.stdout
+
+
+def test_a_careless_server_is_told_everything_that_is_wrong(tmp_path):
+    result = check_deploy(
+        tmp_path, SECRET_KEY="", REDIS_URL="", HTTP_ONLY="1", MQTT_PUBLIC_URL="mqtt://{host}:1883", EMAIL_HOST="", DEMO_TOKEN="x", BEHIND_TLS_PROXY=""
+    )
+    assert result.returncode != 0
+    for identifier in ("W001", "W002", "W003", "W004", "W005", "W006"):
+        assert f"telepresence.{identifier}" in result.stderr
+    assert "security.W012" in result.stderr  # Django's own word about cookies over plain http
+
+
+def test_the_tests_own_settings_pass_every_check():
+    assert [message for message in run_checks() if message.id.startswith("telepresence.")] == []
+
+
+@pytest.mark.parametrize("url", ["localhost:1883", "http://broker", "mqtt://", "mqtt://broker:port", "mqtt://broker:99999"])
+@pytest.mark.parametrize("name", ["MQTT_URL", "MQTT_PUBLIC_URL"])
+def test_a_malformed_broker_address_is_an_error(settings, name, url):
+    setattr(settings, name, url)
+    assert found_by(checks.check_mqtt) == ["telepresence.E001"]
+
+
+@pytest.mark.parametrize("url", ["mqtts://broker.example.org,", "mqtts://broker.example.org,wss:/broker"])
+def test_of_several_broker_addresses_each_has_to_be_one(settings, url):
+    settings.MQTT_PUBLIC_URL = url
+    assert found_by(checks.check_mqtt) == ["telepresence.E001"]
+
+
+@pytest.mark.parametrize("url", ["mqtt://broker.example.org", "ws://broker.example.org:9001", "mqtt://{host}:1883", "mqtt://8.8.8.8"])
+def test_tokens_in_the_clear_over_a_public_network_are_a_warning(settings, url):
+    settings.MQTT_PUBLIC_URL = url
+    assert found_by(checks.check_mqtt) == ["telepresence.W001"]
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "",
+        "mqtts://broker.example.org",
+        "wss://broker.example.org/mqtt",
+        "mqtts://broker.example.org, wss://broker.example.org/mqtt",
+        "mqtt://127.0.0.1:1883",
+        "mqtt://[::1]",
+        "mqtt://10.0.0.7",
+        "mqtt://broker",
+        "mqtt://pi.local",
+    ],
+)
+def test_an_encrypted_or_near_broker_is_fine(settings, url):
+    settings.MQTT_PUBLIC_URL = url
+    assert found_by(checks.check_mqtt) == []
+
+
+def test_ice_servers_are_checked(settings):
+    settings.STUN_URLS, settings.TURN_URLS, settings.TURN_SECRET = ["stun:a"], ["turn:a"], "s"
+    assert found_by(checks.check_ice) == []
+    settings.TURN_SECRET = ""
+    assert found_by(checks.check_ice) == ["telepresence.E003"]
+    settings.STUN_URLS, settings.TURN_URLS = ["turn:a"], []
+    assert found_by(checks.check_ice) == ["telepresence.E002"]
+
+
+def test_verification_by_mail_is_checked(settings):
+    settings.ACCOUNT_EMAIL_VERIFICATION, settings.EMAIL_HOST = "mandatory", ""
+    assert found_by(checks.check_mail) == ["telepresence.W002"]
+    settings.ACCOUNT_EMAIL_VERIFICATION = "always"
+    assert found_by(checks.check_mail) == ["telepresence.E004"]
+    settings.ACCOUNT_EMAIL_VERIFICATION = "optional"
+    assert found_by(checks.check_mail) == []
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan")])
+def test_times_must_be_positive(settings, value):
+    settings.GRACE_SECONDS = value
+    assert found_by(checks.check_numbers) == ["telepresence.E005"]
+
+
+def test_nobody_need_be_asked_whether_they_are_there_but_not_in_negative_time(settings):
+    settings.IDLE_SECONDS = 0.0
+    assert found_by(checks.check_numbers) == []
+    settings.IDLE_SECONDS = -1.0
+    assert found_by(checks.check_numbers) == ["telepresence.E005"]
+
+
+def test_a_proxy_must_be_an_address_or_a_network(settings):
+    settings.TRUSTED_PROXIES = ["10.0.0.1", "10.0.0.0/8", "::1", "proxy"]
+    assert found_by(checks.check_proxies) == ["telepresence.E006"]
+
+
+def test_plain_http_for_others_is_a_warning(settings):
+    settings.HTTP_ONLY, settings.ALLOWED_HOSTS = True, ["127.0.0.1", "robots.example.org"]
+    assert found_by(checks.check_plain_http) == ["telepresence.W003"]
+    settings.HTTP_ONLY = False
+    assert found_by(checks.check_plain_http) == []

@@ -1,0 +1,137 @@
+"""manage.py demo as its user meets it: a link that drives, clear endings, and nothing left behind."""
+
+import contextlib
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from tests.support.site import LOOPBACK, ROOT, free_port, wait_for
+
+LINK = re.compile(r"Drive Giraff now:\s+(\S+)")
+
+
+class RunningDemo:
+    """One `manage.py demo`, its output in a file."""
+
+    def __init__(self, var: Path, *arguments: str) -> None:
+        environment = {name: value for name, value in os.environ.items() if name not in {"HTTP_ONLY", "PLAIN_STATIC", "DJANGO_SETTINGS_MODULE"}}
+        self.output = var / "demo.out"
+        var.mkdir(parents=True, exist_ok=True)
+        self.process = subprocess.Popen(
+            [sys.executable, "manage.py", "demo", *arguments], cwd=ROOT, env={**environment, "VAR_DIR": str(var)},
+            stdout=self.output.open("wb"), stderr=subprocess.STDOUT,
+        )  # fmt: skip
+
+    def said(self) -> str:
+        return self.output.read_text(errors="replace")
+
+    def link(self) -> str:
+        def found() -> str | None:
+            assert self.process.poll() is None, self.said()
+            match = LINK.search(self.said())
+            return match.group(1) if match else None
+
+        return wait_for(found, 90, "the demo's link")
+
+    def family(self) -> list[psutil.Process]:
+        return psutil.Process(self.process.pid).children(recursive=True)
+
+    def end(self, number: int = signal.SIGTERM) -> int:
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        return self.process.wait(30)
+
+
+@contextlib.contextmanager
+def demo(var: Path, *arguments: str) -> Iterator[RunningDemo]:
+    running = RunningDemo(var, *arguments)
+    try:
+        yield running
+    finally:
+        running.end()
+
+
+def sessions_of(var: Path) -> list[tuple[str, str]]:
+    import sqlite3
+
+    with contextlib.closing(sqlite3.connect(var / "telepresence.sqlite3", timeout=20)) as connection:
+        return connection.execute("SELECT username, id FROM accounts_user ORDER BY username").fetchall()
+
+
+def test_a_busy_port_is_named_in_one_sentence(tmp_path):
+    with socket.socket() as taken:
+        taken.bind((LOOPBACK, 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with demo(tmp_path, "--port", str(port)) as running:
+            assert running.process.wait(60) == 1
+    assert f"Port {port} is in use" in running.said().strip().splitlines()[-1]
+
+
+@pytest.mark.parametrize("port", ["0", "65536", "eighty"])
+def test_a_port_that_is_none_is_refused_in_one_sentence(tmp_path, port):
+    with demo(tmp_path, "--port", port) as running:
+        assert running.process.wait(60) != 0
+    assert "PORT must be a number" in running.said()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["Ctrl-C", "SIGTERM"])
+def test_the_link_opens_the_robot_and_the_end_leaves_no_process_behind_and_a_second_start_keeps_the_data(tmp_path, number):
+    port = free_port()
+    with demo(tmp_path, "--port", str(port)) as running:
+        jar = urllib.request.HTTPCookieProcessor()
+        page = urllib.request.build_opener(jar).open(running.link(), timeout=20)
+        assert page.status == 200
+        assert page.url.endswith("/robots/giraff/?go=1")
+        assert "researcher" in running.said()
+        study = re.search(r"Take part:\s+(\S+)", wait_for(lambda: running.said() if "Logs:" in running.said() else None, 10, "the last line"))
+        assert study is not None
+        assert "Explore an office with a robot" in urllib.request.build_opener().open(study.group(1), timeout=20).read().decode()
+        family = running.family()
+        assert len(family) >= 5
+        assert running.end(number) == 0
+        _, alive = psutil.wait_procs(family, timeout=40)
+        assert alive == []
+    people = sessions_of(tmp_path)
+    with demo(tmp_path, "--port", str(port)) as again:
+        again.link()
+        assert sessions_of(tmp_path) == people
+
+
+def test_a_demo_that_is_killed_takes_its_children_with_it(tmp_path):
+    with demo(tmp_path, "--port", str(free_port())) as running:
+        running.link()
+        family = running.family()
+        running.end(signal.SIGKILL)
+        _, alive = psutil.wait_procs(family, timeout=40)
+        assert alive == []
+
+
+def test_a_part_that_dies_ends_the_demo_with_its_name(tmp_path):
+    with demo(tmp_path, "--port", str(free_port())) as running:
+        running.link()
+        manager = next(child for child in running.family() if "run_session_manager" in child.cmdline())
+        manager.kill()
+        assert running.process.wait(30) == 1
+    assert "The session manager ended" in running.said()
+
+
+def test_starting_over_forgets_what_earlier_runs_stored(tmp_path):
+    port = str(free_port())
+    with demo(tmp_path, "--port", port) as running:
+        running.link()
+    before = dict(sessions_of(tmp_path))
+    with demo(tmp_path, "--port", port, "--reset") as running:
+        running.link()
+    after = dict(sessions_of(tmp_path))
+    assert before.keys() == after.keys()
+    assert before["visitor"] != after["visitor"]

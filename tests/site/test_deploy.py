@@ -1,0 +1,141 @@
+"""The files in deploy/ are valid in the eyes of the programs that read them, and say the same as the code."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from django.conf import settings as site
+
+from robots.broker.mosquitto import Tls, configuration
+from telepresence_site.serving import APPLICATION, DAPHNE
+from tests.support.server import certificate, program
+
+ROOT = Path(site.BASE_DIR)
+DEPLOY = ROOT / "deploy"
+UNITS = sorted((DEPLOY / "systemd").iterdir())
+PYTHON = "/opt/telepresence/.venv/bin/python"
+
+
+def run(*command, **options):
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, **options)
+    return done.returncode, done.stdout + done.stderr
+
+
+def example():
+    lines = (line for line in (DEPLOY / "telepresence.env.example").read_text().splitlines() if line and not line.startswith("#"))
+    return dict(line.split("=", 1) for line in lines)
+
+
+def test_the_example_environment_passes_the_deployment_check_without_a_word(tmp_path):
+    (tmp_path / "static").mkdir()
+    filled = {name: value.replace("CHANGE", "Changed-" + "aB3dE5gH7jK9" * 5) for name, value in example().items()}
+    filled |= {"VAR_DIR": str(tmp_path / "var"), "STATIC_ROOT": str(tmp_path / "static"), "DJANGO_SETTINGS_MODULE": "telepresence_site.settings"}
+    kept = {name: value for name, value in os.environ.items() if name in {"PATH", "HOME", "LANG", "VIRTUAL_ENV"}}
+    code, said = run(sys.executable, "manage.py", "check", "--deploy", "--fail-level", "WARNING", cwd=ROOT, env=kept | filled)
+    assert code == 0, said
+    assert "no issues" in said
+
+
+def test_every_name_in_the_example_environment_is_a_setting():
+    explained = set(re.findall(r"`([A-Z_]+)`", (ROOT / "docs/reference/settings.md").read_text()))
+    assert set(example()) <= explained
+
+
+def test_caddy_takes_its_file(tmp_path):
+    environment = {"PATH": os.environ["PATH"], "HOME": str(tmp_path), "XDG_DATA_HOME": str(tmp_path), "XDG_CONFIG_HOME": str(tmp_path)}
+    code, said = run(program("caddy"), "validate", "--adapter", "caddyfile", "--config", str(DEPLOY / "proxy/Caddyfile"), env=environment)
+    assert code == 0, said
+    assert "Valid configuration" in said
+
+
+def test_nginx_takes_its_file(tmp_path):
+    key, chain = certificate(tmp_path)
+    text = (DEPLOY / "proxy/nginx.conf").read_text()
+    text = text.replace("/etc/letsencrypt/live/robots.example.org/privkey.pem", str(key)).replace(
+        "/etc/letsencrypt/live/robots.example.org/fullchain.pem", str(chain)
+    )
+    text = text.replace("/var/log/nginx/", f"{tmp_path}/").replace("listen 80;", "listen 127.0.0.1:18080;").replace("listen [::]:80;", "")
+    text = text.replace("listen 443 ssl http2;", "listen 127.0.0.1:18443 ssl http2;").replace("listen [::]:443 ssl http2;", "")
+    (tmp_path / "nginx.conf").write_text(
+        f"pid {tmp_path}/pid;\nerror_log stderr;\nevents {{}}\nhttp {{\ninclude /etc/nginx/mime.types;\n{text}\n}}\n"
+    )
+    code, said = run(program("nginx"), "-t", "-p", str(tmp_path), "-c", str(tmp_path / "nginx.conf"))
+    assert code == 0, said
+    assert "test is successful" in said
+
+
+def test_systemd_takes_every_unit(tmp_path):
+    for unit in UNITS:  # the programs of this computer stand in for those of the server
+        text = unit.read_text().replace(PYTHON, sys.executable).replace("/opt/telepresence", str(ROOT))
+        (tmp_path / unit.name).write_text(re.sub(r"^EnvironmentFile=.*$", "", text, flags=re.MULTILINE))
+    names = [str(tmp_path / unit.name.replace("@.", "@example.")) for unit in UNITS]
+    for unit in UNITS:
+        if "@." in unit.name:
+            shutil.copy(tmp_path / unit.name, tmp_path / unit.name.replace("@.", "@example."))
+    code, said = run(program("systemd-analyze"), "verify", "--man=no", "--recursive-errors=no", *names)
+    own = [line for line in said.splitlines() if "telepresence" in line and "mosquitto.service" not in line]
+    assert (code, own) == (0, []), said
+
+
+@pytest.mark.parametrize("unit", [unit for unit in UNITS if unit.suffix == ".service" and "reload" not in unit.name], ids=lambda unit: unit.name)
+def test_every_process_is_begun_again_and_may_do_little(unit):
+    text = unit.read_text()
+    again = unit.with_suffix(".timer").exists() if "Type=oneshot" in text else re.search("^Restart=always$", text, re.MULTILINE)
+    assert again, "what ends is neither restarted nor due again"
+    for line in (
+        "NoNewPrivileges=yes",
+        "ProtectSystem=strict",
+        "ProtectHome=yes",
+        "CapabilityBoundingSet=",
+        "SystemCallFilter=@system-service",
+    ):
+        assert re.search(rf"^{re.escape(line)}$", text, re.MULTILINE), line
+    assert re.search(r"^(User=telepresence|DynamicUser=yes)$", text, re.MULTILINE)
+
+
+def test_what_was_kept_long_enough_is_forgotten_once_a_day_also_by_a_computer_that_was_off():
+    timer = (DEPLOY / "systemd/telepresence-forget.timer").read_text()
+    (calendar,) = re.findall(r"^OnCalendar=(.*)$", timer, re.MULTILINE)
+    code, said = run(
+        program("systemd-analyze"), "calendar", "--iterations=3", "--base-time=2026-03-01 12:00:00 UTC", calendar, env={**os.environ, "TZ": "UTC"}
+    )
+    assert code == 0, said
+    days = [int(day) for day in re.findall(r"2026-03-(\d\d) \S+ UTC", said.partition("Next elapse")[2])]
+    assert days == [2, 3, 4], said
+    assert re.search(r"^Persistent=true$", timer, re.MULTILINE)
+    assert f"ExecStart={PYTHON} manage.py forget\n" in (DEPLOY / "systemd/telepresence-forget.service").read_text()
+
+
+def test_the_web_unit_starts_daphne_as_the_demo_does():
+    text = (DEPLOY / "systemd/telepresence-web@.service").read_text()
+    assert f"ExecStart={PYTHON} {' '.join(DAPHNE)} -b 127.0.0.1 -p %i {APPLICATION}\n" in text
+
+
+def test_units_call_commands_that_exist_with_options_that_they_have():
+    for unit in UNITS:
+        for command, arguments in re.findall(r"manage\.py (\w+)(.*)$", unit.read_text(), re.MULTILINE):
+            code, said = run(sys.executable, "manage.py", command, "--help", cwd=ROOT)
+            assert code == 0
+            assert all(option in said for option in re.findall(r"--[a-z-]+", arguments)), (unit.name, arguments)
+
+
+def test_mosquittos_file_has_the_bounds_of_our_own(tmp_path):
+    given = (DEPLOY / "mosquitto/telepresence.conf").read_text().splitlines()
+    ours = configuration("127.0.0.1", 1883, tmp_path, Tls(tmp_path / "c", tmp_path / "k")).splitlines()
+    assert [
+        line for line in ours if line.startswith(("max_", "set_tcp", "autosave", "persistent_client", "allow_anonymous")) and line not in given
+    ] == []
+
+
+def test_proxies_and_site_agree_on_what_a_hashed_name_is():
+    from telepresence_site.static_files import HashedModules
+
+    name = HashedModules(location=str(ROOT / "static")).hashed_name("css/_global.css")
+    for file in ("Caddyfile", "nginx.conf"):
+        pattern = re.search(r"\^/static/\S+?\$", (DEPLOY / "proxy" / file).read_text())[0]
+        assert re.fullmatch(pattern, f"/static/{name}")
+        assert not re.fullmatch(pattern, "/static/css/_global.css")

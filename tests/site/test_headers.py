@@ -1,0 +1,29 @@
+"""What every answer tells a browser about itself."""
+
+import pytest
+from django.urls import reverse
+
+from tests.support.people import person
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.mark.parametrize("name", ["home", "account_login", "manifest"])
+def test_every_answer_says_what_a_page_may_use_and_that_no_other_site_embeds_it(client, name):
+    headers = client.get(reverse(name)).headers
+    allowed = dict(part.split("=") for part in headers["Permissions-Policy"].split(", "))
+    assert {allowed[feature] for feature in ("camera", "microphone", "display-capture", "fullscreen")} == {"(self)"}
+    assert {allowed[feature] for feature in ("geolocation", "usb", "payment")} == {"()"}
+    assert headers["Cross-Origin-Resource-Policy"] == "same-origin"
+
+
+@pytest.mark.parametrize("name", ["profile", "account_email", "account_change_password", "admin:index", "admin:accounts_user_changelist"])
+def test_a_page_of_somebodys_own_is_kept_by_no_cache(client, name):
+    client.force_login(person("ada", is_staff=True, is_superuser=True))
+    kept = client.get(reverse(name))["Cache-Control"]
+    assert "private" in kept
+    assert "no-store" in kept
+
+
+def test_a_page_that_looks_at_no_session_may_be_kept(client):
+    assert not client.get(reverse("manifest")).has_header("Cache-Control")

@@ -1,0 +1,85 @@
+"""/readyz tells which part is missing, to anybody, in words that are nobody's secret."""
+
+import datetime
+
+import pytest
+from channels.layers import get_channel_layer
+from django.db import OperationalError
+from django.test import AsyncClient
+from django.utils import timezone
+
+from robots import mqtt_bridge
+from sessions.manager_beat import NAME, beat
+from sessions.models import ManagerBeat
+from telepresence_site.health import BEHIND, manager_state
+from tests.support.memory_bridge import MemoryBridge
+
+pytestmark = pytest.mark.django_db(transaction=True)
+WELL = {"connected": True, "waiting": 3}
+
+
+@pytest.fixture
+def bridge():
+    double = MemoryBridge()
+    mqtt_bridge.use(double)
+    yield double
+    mqtt_bridge.use(None)
+
+
+async def ask():
+    response = await AsyncClient().get("/readyz")
+    return response.status_code, response.json()
+
+
+async def test_a_server_with_all_its_parts_is_ready(bridge):
+    await ManagerBeat.objects.acreate(name=NAME, holder="here:1", beat_at=timezone.now(), report=WELL)
+    ok = dict.fromkeys(("database", "broker", "channel_layer", "session_manager"), "ok")
+    assert await ask() == (200, {"ready": True, **ok})
+
+
+async def test_without_session_manager_and_broker_it_is_not_and_says_so(bridge):
+    bridge.connected = False
+    status, answer = await ask()
+    assert status == 503
+    assert answer == {"ready": False, "database": "ok", "broker": "away", "channel_layer": "ok", "session_manager": "none"}
+
+
+async def test_a_database_that_is_away_is_a_word_and_no_failure(bridge, monkeypatch):
+    def broken(*_args, **_kwargs):
+        raise OperationalError("password authentication failed for hunter2")
+
+    monkeypatch.setattr(ManagerBeat.objects, "filter", broken)
+    status, answer = await ask()
+    assert (status, answer["database"], answer["session_manager"]) == (503, "away", "unknown")
+    assert "hunter2" not in str(answer)
+
+
+@pytest.mark.parametrize("error", [OSError("gone"), TimeoutError()])
+async def test_a_channel_layer_that_is_away_is_named(bridge, monkeypatch, error):
+    async def broken(*_):
+        raise error
+
+    monkeypatch.setattr(type(get_channel_layer()), "send", broken)
+    status, answer = await ask()
+    assert (status, answer["channel_layer"]) == (503, "away")
+
+
+@pytest.mark.parametrize(("holder", "age", "report", "state"), [
+    ("here:1", 1, WELL, "ok"),
+    ("", 1, WELL, "none"),
+    ("here:1", 60, WELL, "silent"),
+    ("here:1", 1, {"connected": False}, "without_broker"),
+    ("here:1", 1, {}, "without_broker"),
+    ("here:1", 1, {"connected": True, "waiting": BEHIND + 1}, "behind"),
+])  # fmt: skip
+def test_the_session_managers_state_follows_from_its_beat(holder, age, report, state):
+    now = timezone.now()
+    assert manager_state(ManagerBeat(holder=holder, beat_at=now - datetime.timedelta(seconds=age), report=report), now) == state
+
+
+def test_a_beat_carries_its_report():
+    now = timezone.now()
+    assert beat("here:1", now, WELL)
+    assert ManagerBeat.objects.get().report == WELL
+    assert not beat("there:2", now, {})
+    assert ManagerBeat.objects.get().report == WELL

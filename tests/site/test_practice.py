@@ -1,0 +1,209 @@
+"""Practice robots: how many run and when, the processes that are started and ended, and where a visitor is sent."""
+
+import datetime
+
+import pytest
+from django.core.management import CommandError, call_command
+from django.utils import timezone
+
+from accounts.models import User
+from robots.models import FloorPlan, Robot
+from sessions.models import Session
+from sessions.practice import Place, choose
+from telepresence_site.practice import robots
+from telepresence_site.practice.pool import AGAIN, LINGER, Demand, Process, Start, Stop, decide
+from telepresence_site.practice.supervisor import Supervisor
+
+NAMES = ["practice-1", "practice-2"]
+NOW = 1_000_000.0
+NOBODY = Demand(None, frozenset(), {})
+
+
+def waits(at: float = NOW, *taken: str, left: dict[str, float] | None = None) -> Demand:
+    return Demand(at, frozenset(taken), left or {})
+
+
+def alive(*names: str, since: float = NOW - 100.0) -> dict[str, Process]:
+    return {name: Process(since, alive=True) for name in names}
+
+
+# --- how many --------------------------------------------------------------------------------------------------------
+
+
+def test_nothing_runs_while_nobody_waits():
+    assert decide(NAMES, NOBODY, {}, NOW) == []
+
+
+def test_whoever_waits_finds_one_robot_and_whoever_comes_next_another_until_the_house_is_full():
+    assert decide(NAMES, waits(), {}, NOW) == [Start("practice-1")]
+    assert decide(NAMES, waits(), alive("practice-1"), NOW) == []
+    assert decide(NAMES, waits(NOW, "practice-1"), alive("practice-1"), NOW) == [Start("practice-2")]
+    assert decide(NAMES, waits(NOW, *NAMES), alive(*NAMES), NOW) == []
+
+
+def test_a_robot_that_nobody_needs_stays_for_a_while_and_then_ends():
+    assert decide(NAMES, waits(NOW - LINGER + 1.0), alive("practice-1"), NOW) == []
+    assert decide(NAMES, waits(NOW - LINGER), alive("practice-1"), NOW) == [Stop("practice-1")]
+
+
+def test_nobodys_practice_ends_because_nobody_waits_any_more():
+    assert decide(NAMES, waits(NOW - LINGER, "practice-1"), alive("practice-1"), NOW) == []
+
+
+def test_a_robot_is_started_anew_after_its_visitor():
+    left = {"practice-1": NOW - 1.0}
+    assert decide(NAMES, waits(left=left), alive("practice-1"), NOW)[0] == Stop("practice-1")
+    ended = {"practice-1": Process(NOW - 100.0, alive=False), "practice-2": Process(NOW - 100.0, alive=True)}
+    assert decide(NAMES, waits(left=left), ended, NOW) == []
+    assert decide(["practice-1"], waits(left=left), ended, NOW) == [Start("practice-1")]
+
+
+def test_a_robot_that_died_under_its_visitor_comes_back_first_and_not_faster_than_every_few_seconds():
+    dead = {"practice-2": Process(NOW - 1.0, alive=False)}
+    demand = Demand(None, frozenset({"practice-2"}), {})
+    assert Start("practice-2") not in decide(NAMES, demand, dead, NOW)
+    assert decide(NAMES, demand, dead, NOW - 1.0 + AGAIN) == [Start("practice-2")]
+
+
+# --- processes -------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def ana(db):
+    return User.objects.create_user("ana", password="x")
+
+
+@pytest.fixture
+def practice(db, settings, tmp_path):
+    settings.PRACTICE_ROBOTS, settings.CREDENTIALS_DIR = 1, tmp_path / "credentials"
+    return robots.prepare(1, "mqtt://127.0.0.1:1")
+
+
+@pytest.fixture
+def supervisor(practice, tmp_path):
+    made = supervise(practice, tmp_path)
+    yield made
+    made._children.stop()
+
+
+def supervise(names, tmp_path) -> Supervisor:
+    return Supervisor(names, tmp_path / "log", lambda _name: ["-c", "import time; time.sleep(600)"])
+
+
+def process(supervisor: Supervisor):
+    return supervisor._running["practice-1"][0].process
+
+
+def visit(visitor: User, robot: Robot, **changes) -> Session:
+    now = timezone.now()
+    fields = {"robot": robot, "visitor": visitor, "live_key": f"{robot.pk}:{visitor.pk}", "queued_at": now, "seen_at": now}
+    return Session.objects.create(**{**fields, **changes})
+
+
+def drives(visitor: User) -> Session:
+    robot, now = Robot.objects.get(name="practice-1"), timezone.now()
+    return visit(visitor, robot, state=Session.State.DRIVING, granted_at=now)
+
+
+def test_a_robot_is_started_when_somebody_waits_for_a_real_one(supervisor, ana):
+    supervisor.look()
+    assert supervisor._running == {}
+    visit(ana, Robot.objects.create(name="giraff", title="Giraff"))
+    supervisor.look()
+    assert process(supervisor).poll() is None
+
+
+def test_who_waits_with_a_closed_page_wants_no_practice(supervisor, ana):
+    visit(ana, Robot.objects.create(name="giraff", title="Giraff"), seen_at=timezone.now() - datetime.timedelta(minutes=5))
+    supervisor.look()
+    assert supervisor._running == {}
+
+
+def test_a_practice_robot_that_dies_is_there_again_for_the_visitor_who_drives_it(supervisor, ana, monkeypatch):
+    monkeypatch.setattr("telepresence_site.practice.pool.AGAIN", 0.0)
+    drives(ana)
+    supervisor.look()
+    first = process(supervisor)
+    first.kill()
+    first.wait()
+    supervisor.look()
+    assert process(supervisor) is not first
+    assert process(supervisor).poll() is None
+
+
+def test_a_new_supervisor_starts_the_robot_of_whoever_is_practising(supervisor, practice, ana, tmp_path):
+    drives(ana)
+    supervisor.look()
+    supervisor._children.stop()  # as when it is killed: its children die with it
+    second = supervise(practice, tmp_path)
+    try:
+        second.look()
+        assert process(second).poll() is None
+    finally:
+        second._children.stop()
+
+
+def test_a_robot_whose_visitor_has_closed_the_page_is_freed_and_ended(supervisor, ana):
+    session = drives(ana)
+    supervisor.look()
+    child = process(supervisor)
+    Session.objects.filter(pk=session.pk).update(state=Session.State.ENDED, live_key=str(session.pk), ended_at=timezone.now())
+    supervisor.look()
+    assert child.poll() is not None
+
+
+def test_the_rows_of_practice_robots_are_made_once_and_closed_when_there_are_fewer(practice, settings):
+    robot = Robot.objects.get(name="practice-1")
+    robots.prepare(2, "mqtt://127.0.0.1:1")
+    robots.prepare(1, "mqtt://127.0.0.1:1")
+    assert list(Robot.objects.order_by("name").values_list("name", "enabled", "practice")) == [
+        ("practice-1", True, True),
+        ("practice-2", False, True),
+    ]
+    assert Robot.objects.get(name="practice-1").credential_hash == robot.credential_hash
+    assert FloorPlan.objects.count() == 1
+
+
+def test_without_practice_robots_there_is_nothing_to_run(settings):
+    settings.PRACTICE_ROBOTS = 0
+    with pytest.raises(CommandError):
+        call_command("run_practice")
+
+
+# --- where to practise -----------------------------------------------------------------------------------------------
+
+
+def test_a_visitor_is_sent_where_the_turn_comes_first_and_to_no_robot_that_is_not_there_yet():
+    assert choose([]) is None
+    assert choose([Place("practice-1", there=False, taken=0)]) is None
+    assert choose([Place("practice-1", there=True, taken=1), Place("practice-2", there=False, taken=0)]) == "practice-1"
+    assert choose([Place("practice-1", there=True, taken=2), Place("practice-2", there=True, taken=1)]) == "practice-2"
+
+
+def test_the_site_says_where_to_practise_as_soon_as_a_robot_is_there(client, practice, ana):
+    assert client.get("/practice/").status_code == 302
+    client.force_login(ana)
+    assert client.get("/practice/").json() == {"url": None}
+    Robot.objects.update(connection="ONLINE", last_seen_at=timezone.now())
+    assert client.get("/practice/").json() == {"url": "/practice/practice-1/?go=1"}
+
+
+def test_only_a_practice_robots_page_may_stand_in_a_frame_and_only_in_one_of_ours(client, practice, ana):
+    Robot.objects.create(name="giraff", title="Giraff")
+    client.force_login(ana)
+    framed = client.get("/practice/practice-1/")
+    assert framed.headers["X-Frame-Options"] == "SAMEORIGIN"
+    assert "frame-ancestors 'self'" in framed.headers["Content-Security-Policy"]
+    assert client.get("/practice/giraff/").status_code == 404
+    whole = client.get("/robots/giraff/")
+    assert whole.headers["X-Frame-Options"] == "DENY"
+    assert "frame-ancestors 'none'" in whole.headers["Content-Security-Policy"]
+    assert '"practice": "/practice/"' in whole.content.decode()
+
+
+def test_practice_robots_stand_on_no_list_and_pages_of_a_site_without_them_offer_none(client, practice, ana, settings):
+    Robot.objects.create(name="giraff", title="Giraff")
+    client.force_login(ana)
+    assert [robot["name"] for robot in client.get("/robots.json").json()["robots"]] == ["giraff"]
+    settings.PRACTICE_ROBOTS = 0
+    assert '"practice": null' in client.get("/robots/giraff/").content.decode()

@@ -1,0 +1,68 @@
+"""What a newcomer sees when something is missing: one clear sentence, and an exit code that says no."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def shell(*arguments: str, path: str = os.environ["PATH"], cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(arguments, cwd=cwd, env={"PATH": path, "HOME": str(cwd)}, capture_output=True, text=True, timeout=120, check=False)
+
+
+@pytest.fixture
+def set_up():
+    spec = importlib.util.spec_from_file_location("set_up", ROOT / "deploy" / "set_up.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def one_sentence(done: subprocess.CompletedProcess[str]) -> str:
+    assert done.returncode != 0
+    assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+    return done.stderr.strip()
+
+
+def test_a_missing_python_is_named_with_the_line_that_installs_it():
+    done = shell("/bin/sh", "deploy/set_up.sh", "python3-that-is-not-there", ".venv", "requirements.lock")
+    assert "sudo apt install python3 python3-venv" in one_sentence(done)
+
+
+def test_a_python_that_is_too_old_is_named_with_its_version(set_up, monkeypatch, capsys):
+    monkeypatch.setattr(set_up, "OLDEST", (sys.version_info[0], sys.version_info[1] + 1))
+    with pytest.raises(SystemExit) as ended:
+        set_up.main()
+    assert ended.value.code == 1
+    assert f"is {sys.version_info[0]}.{sys.version_info[1]}" in capsys.readouterr().err
+
+
+def test_a_missing_venv_module_is_named_with_its_package(set_up, monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(set_up.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(SystemExit):
+        set_up.make_environment(str(tmp_path / "venv"))
+    assert "sudo apt install python3-venv" in capsys.readouterr().err
+
+
+def test_a_package_that_cannot_be_installed_ends_in_one_sentence_and_is_not_marked_as_installed(tmp_path):
+    (tmp_path / "broken.lock").write_text("no-such-package-anywhere==1.0 \\\n    --hash=sha256:" + "0" * 64 + "\n")
+    done = shell(sys.executable, str(ROOT / "deploy" / "set_up.py"), str(tmp_path / "venv"), "broken.lock", cwd=tmp_path)
+    assert "could not be installed" in one_sentence(done)
+    assert not (tmp_path / "venv" / "installed").exists()
+
+
+def test_an_environment_that_is_up_to_date_is_left_alone(set_up, monkeypatch, tmp_path):
+    lock = tmp_path / "some.lock"
+    lock.write_text("")
+    venv = tmp_path / "venv"
+    venv.mkdir()
+    (venv / "installed").write_text(set_up.stamp_of(str(lock)))
+    monkeypatch.setattr(set_up, "make_environment", lambda folder: "python")
+    monkeypatch.setattr(set_up, "install", lambda *arguments: pytest.fail("it was installed again"))
+    monkeypatch.setattr(sys, "argv", ["set_up.py", str(venv), str(lock)])
+    set_up.main()

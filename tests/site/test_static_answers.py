@@ -1,0 +1,59 @@
+"""Static files that are answered without Django."""
+
+import asyncio
+from typing import Any
+
+import pytest
+from whitenoise import WhiteNoise
+
+from telepresence_site.static_answers import StaticAnswers
+
+SCRIPT = b"export const answer = 42;\n" * 40
+
+
+@pytest.fixture
+def files(tmp_path) -> dict[str, Any]:
+    (tmp_path / "drive.js").write_bytes(SCRIPT)
+    return WhiteNoise(None, root=str(tmp_path), prefix="static/", max_age=60).files
+
+
+def ask(app: StaticAnswers, path: str, method: str = "GET", scheme: str = "http", **headers: str) -> tuple[int, dict[bytes, bytes], bytes]:
+    """Return status, headers and body of an answer."""
+    sent: list[dict[str, Any]] = []
+
+    async def send(message: dict[str, Any]) -> None:
+        sent.append(message)
+
+    told = [(name.replace("_", "-").encode(), value.encode()) for name, value in headers.items()]
+    asyncio.run(app({"type": "http", "method": method, "path": path, "scheme": scheme, "headers": told}, None, send))
+    return sent[0]["status"], dict(sent[0]["headers"]), sent[1]["body"]
+
+
+async def django(_scope: Any, _receive: Any, send: Any) -> None:
+    await send({"type": "http.response.start", "status": 418, "headers": []})
+    await send({"type": "http.response.body", "body": b""})
+
+
+def test_a_file_that_is_known_is_answered_whole_with_how_long_it_may_be_kept(files):
+    status, headers, body = ask(StaticAnswers(django, files), "/static/drive.js")
+    assert (status, body, int(headers[b"content-length"])) == (200, SCRIPT, len(SCRIPT))
+    assert headers[b"content-type"].startswith(b"text/javascript")
+    assert headers[b"cache-control"] == b"max-age=60, public"
+    assert headers[b"x-content-type-options"] == b"nosniff"
+    assert headers[b"cross-origin-resource-policy"] == b"same-origin"
+
+
+def test_a_browser_that_has_it_is_told_so_and_one_that_asks_for_the_headers_gets_them_alone(files):
+    app = StaticAnswers(django, files)
+    etag = ask(app, "/static/drive.js")[1][b"etag"].decode()
+    assert ask(app, "/static/drive.js", if_none_match=etag)[::2] == (304, b"")
+    status, headers, body = ask(app, "/static/drive.js", "HEAD")
+    assert (status, int(headers[b"content-length"]), body) == (200, len(SCRIPT), b"")
+
+
+def test_everything_else_is_left_to_django(files):
+    assert ask(StaticAnswers(django, files), "/static/missing.js")[0] == 418
+    assert ask(StaticAnswers(django, files), "/static/drive.js", "POST")[0] == 418
+    secure = StaticAnswers(django, files, secure_only=True)
+    assert ask(secure, "/static/drive.js")[0] == 418, "it sends the browser to HTTPS"
+    assert ask(secure, "/static/drive.js", scheme="https")[0] == 200

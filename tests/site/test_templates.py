@@ -1,0 +1,106 @@
+"""What no page may hold, read from the sources: code or looks beside their files, words that cannot be translated."""
+
+import ast
+import gettext
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+TEMPLATES = sorted((ROOT / "templates").rglob("*.html"))
+CATALOGUE = ROOT / "locale" / "es" / "LC_MESSAGES"
+# The pages whose Spanish is complete; the administration speaks to the people who run the site.
+TRANSLATED_PYTHON = [
+    *sorted((ROOT / "accounts").glob("*.py")), *sorted((ROOT / "surveys").glob("*.py")), ROOT / "robots" / "cards.py", ROOT / "telepresence_site" / "pages.py",
+]  # fmt: skip
+TAG = re.compile(r"\{%.*?%\}|\{\{.*?\}\}|\{#.*?#\}", re.DOTALL)
+
+
+def name(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def spanish() -> gettext.GNUTranslations:
+    with (CATALOGUE / "django.mo").open("rb") as file:
+        return gettext.GNUTranslations(file)
+
+
+def po_entries() -> list[dict[str, str]]:
+    """Return the entries of the Spanish catalogue: keywords to text, `flags` to the flag line."""
+    entries = []
+    for block in (CATALOGUE / "django.po").read_text().split("\n\n"):
+        entry: dict[str, str] = {"flags": ""}
+        key = ""
+        for line in block.splitlines():
+            if line.startswith("#,"):
+                entry["flags"] = line
+            elif match := re.match(r'(msg\w+(?:\[\d\])?) "(.*)"$', line):
+                key = match[1]
+                entry[key] = ast.literal_eval(f'"{match[2]}"')
+            elif line.startswith('"'):
+                entry[key] += ast.literal_eval(line)
+        if entry.get("msgid"):
+            entries.append(entry)
+    return entries
+
+
+@pytest.mark.parametrize("path", TEMPLATES, ids=name)
+def test_no_template_holds_code_or_looks_of_its_own(path):
+    text = path.read_text()
+    assert not re.search(r"<[^>]*\son\w+\s*=", TAG.sub("", text)), "an inline handler"
+    assert not re.search(r"<[^>]*\sstyle\s*=", TAG.sub("", text)), "an inline style"
+    assert "javascript:" not in text
+    assert "<style" not in text
+    for script in re.findall(r"<script\b([^>]*)>", TAG.sub("x", text)):
+        assert "src=" in script, "an inline script"
+
+
+@pytest.mark.parametrize("path", TEMPLATES, ids=name)
+def test_every_word_of_a_template_can_be_translated(path):
+    bare = re.sub(r"\{%\s*blocktranslate.*?endblocktranslate\s*%\}", "", path.read_text(), flags=re.DOTALL)
+    bare = re.sub(r"<(script|code|pre)\b.*?</\1>|<!--.*?-->|\{\w+\}", "", TAG.sub("", bare), flags=re.DOTALL)
+    words = [text for text in re.findall(r">([^<]+)<", bare) if re.search(r"[A-Za-z]{2}", text)]
+    attributes = [value for value in re.findall(r"\b(?:alt|title|aria-label|placeholder)=\"([^\"]*)\"", bare) if re.search(r"[A-Za-z]{2}", value)]
+    assert not words + attributes
+
+
+@pytest.mark.parametrize("path", [p for p in TEMPLATES if "admin" not in p.parts], ids=name)
+def test_every_word_of_a_page_is_in_the_spanish_catalogue(path):
+    known = spanish()._catalog
+    for _, text, _, context in re.findall(r"\{%\s*translate\s+(['\"])(.*?)\1(?:\s+context\s+(['\"])(.*?)\3)?", path.read_text()):
+        key = text.replace("%", "%%")
+        assert (f"{context}\x04{key}" if context else key) in known, text
+
+
+@pytest.mark.parametrize("path", TRANSLATED_PYTHON, ids=name)
+def test_every_word_that_python_says_to_visitors_is_in_the_spanish_catalogue(path):
+    known = spanish()._catalog
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in {"_", "gettext"}:
+            assert isinstance(node.args[0], ast.Constant), f"line {node.lineno}: only a constant can be looked up"
+            assert node.args[0].value in known, node.args[0].value
+
+
+def test_the_spanish_catalogue_has_no_gap_and_no_guess():
+    entries = po_entries()
+    assert len(entries) > 200
+    for entry in entries:
+        assert "fuzzy" not in entry["flags"], entry["msgid"]
+        assert all(text for key, text in entry.items() if key.startswith("msgstr")), entry["msgid"]
+
+
+def test_the_compiled_catalogue_is_the_written_one():
+    known = spanish()._catalog
+    for entry in po_entries():
+        single = entry.get("msgstr", entry.get("msgstr[0]"))
+        key = f"{entry['msgctxt']}\x04{entry['msgid']}" if "msgctxt" in entry else entry["msgid"]
+        assert known.get(key, known.get((key, 0))) == single
+
+
+def test_a_translation_names_the_same_values_as_its_original():
+    placeholder = re.compile(r"%\(\w+\)[sd]|%%|\{\w*\}")
+    for entry in po_entries():
+        for key, text in entry.items():
+            if key.startswith("msgstr"):
+                assert sorted(placeholder.findall(text)) == sorted(placeholder.findall(entry["msgid"])), entry["msgid"]

@@ -1,0 +1,16 @@
+"""How bots come into a study."""
+
+from experiments.bots.endings import Ending
+from experiments.shipped import shipped
+from telepresence_site.rehearsing.play import ways_in
+
+STUDY = shipped()["exploration"]
+
+
+def test_bots_come_by_each_way_as_often_as_there_are_conditions_for_it_by_turns():
+    assert ways_in(STUDY, [Ending.COMPLETES] * 5) == ["open", "invitation", "open", "invitation", "open"]
+
+
+def test_whose_ending_is_about_the_photo_comes_to_a_robot_that_takes_one():
+    endings = [Ending.COMPLETES, Ending.SKIPS_PHOTO, Ending.TAKES_PHOTO_AGAIN, Ending.COMPLETES]
+    assert ways_in(STUDY, endings) == ["open", "open", "open", "invitation"]

@@ -1,0 +1,151 @@
+"""A control loop with a scripted robot, a broker in memory, and a media side that only listens; and a driver who does not tire."""
+
+import random
+import threading
+import time
+
+import numpy as np
+
+from robots.agent.adapters.contract import Frame
+from robots.agent.control import ControlLoop
+from robots.agent.lab.in_force import CLEAN
+from robots.agent.store import Store
+from robots.api import messages as m
+from robots.api.codec import encode_frame
+from tests.support.memory_broker import MemoryLink
+from tests.support.patience import patient
+from tests.support.scripted_robot import ScriptedRobot
+
+
+class ListeningMedia:
+    """A media side (ways_out.Media) that keeps what it is told."""
+
+    def __init__(self):
+        self.signals, self.drivers, self.told, self.wanted = [], [], [], []
+        self.picture = Frame(np.random.default_rng(1).integers(0, 255, (48, 64, 3), dtype=np.uint8), 123.0)
+        self.connected, self.screens, self.passing, self.network = 0, 0, [], None
+
+    def start(self):
+        pass
+
+    def close(self):
+        pass
+
+    def signal(self, peer, message):
+        self.signals.append((peer, message))
+
+    def lease_changed(self, driver_peer):
+        self.drivers.append(driver_peer)
+
+    def let_through(self, **what):
+        self.passing.append(what)
+
+    def impair(self, lab):
+        self.network = None if lab is None else m.LabReport(lab=lab)
+
+    def telemetry(self, suffix, message):
+        self.told.append((suffix, message))
+
+    def picture_wanted(self, request):
+        self.wanted.append(request)
+
+    def snapshot(self):
+        return self.picture
+
+
+class ControlRig:
+    """Use as a context manager."""
+
+    def __init__(self, directory, *, robot=None, boot="boot-1", media=None, networks=CLEAN):
+        self.robot = robot or ScriptedRobot()
+        self.link, self.media, self.store = MemoryLink(), media or ListeningMedia(), Store(directory)
+        capabilities = frozenset((*self.robot.profile.capabilities, "photo", "say", "call"))
+        self.control = ControlLoop(
+            adapter=self.robot, capabilities=capabilities, link=self.link, store=self.store, boot=boot, rng=random.Random(1), networks=networks
+        )
+        self.seq = 0
+        self._beats = 0
+        self._driving = threading.Event()
+
+    def __enter__(self):
+        self.control.start(self.media)
+        self.wait(lambda: self.link.connected and self.control.kernel.fault is None)
+        return self
+
+    def __exit__(self, *_):
+        self._driving.clear()
+        self.control.close()
+
+    @property
+    def kernel(self):
+        return self.control.kernel
+
+    @staticmethod
+    def wait(condition, within=5.0):
+        deadline = time.monotonic() + patient(within)
+        while not condition():
+            assert time.monotonic() < deadline, "what was waited for did not come"
+            time.sleep(0.005)
+
+    def lease(self, *, renewal=0, session="s1", epoch=1, peer="p1", retained=False, **fields):
+        fields = {"video": "none"} | fields
+        lease = m.Lease(session=session, epoch=epoch, peer=peer, who="Ada", renewal=renewal, stamp=time.time(), **fields)
+        self.link.say("lease", lease, retained=retained)
+
+    def grant(self, **fields):
+        """A lease, and a driver whose clock the robot knows and who holds no key."""
+        self.lease(**fields)
+        self.wait(lambda: self.kernel.leases.live(time.monotonic()) is not None)
+        self.know_clock(fields.get("peer", "p1"))
+        self.push(0.0, peer=fields.get("peer", "p1"), epoch=fields.get("epoch", 1), session=fields.get("session", "s1"))
+        self.wait(lambda: not self.kernel.held)
+
+    def know_clock(self, peer="p1"):
+        beat = self.link.wait("heartbeat", since=self.link.count)
+        for _ in range(3):
+            self.beat(peer, of=beat)
+        self.wait(lambda: self.kernel.clocks.of(peer) is not None)
+
+    def beat(self, peer="p1", way="datachannel", of=None):
+        beat = of or self.link.wait("heartbeat")
+        self._beats += 1
+        now = time.time()
+        answer = m.CommandHeartbeat(n=self._beats, stamp=now, peer=peer, echo=m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=now))
+        if way == "mqtt":
+            self.link.say("command/heartbeat", answer)
+        else:
+            self.frame("command/heartbeat", answer, peer=peer)
+
+    def frame(self, suffix, message, *, peer="p1", role="driver"):
+        self.control.receive_frame(peer, role, encode_frame(suffix, message))
+
+    def command(self, linear=0.5, angular=0.0, **fields):
+        self.seq += 1
+        values = {"session": "s1", "epoch": 1, "seq": self.seq, "stamp": time.time(), "method": "keyboard"} | fields
+        return m.VelocityCommand(linear=linear, angular=angular, **values)
+
+    def push(self, linear=0.5, *, peer="p1", role="driver", way="datachannel", **fields):
+        command = self.command(linear, **fields)
+        if way == "mqtt":
+            self.link.say("command/velocity", command)
+        else:
+            self.frame("command/velocity", command, peer=peer, role=role)
+        return command
+
+    def drive(self, linear=0.5, *, until=None, way="datachannel", within=5.0, every=0.05):
+        """Push at 20 Hz until the condition holds (by default: until the base is told so)."""
+        until = until or (lambda: abs(self.robot.told.linear - linear) < 1e-6)
+        deadline = time.monotonic() + patient(within)
+        while not until():
+            assert time.monotonic() < deadline, f"never so: {self.robot.velocities()[-3:]} {self.kernel.refused}"
+            self.push(linear, way=way)
+            time.sleep(every)
+
+    def act(self, action, *, way="mqtt", peer="p1"):
+        if way == "mqtt":
+            self.link.say("command/action", action)
+        else:
+            self.frame("command/action", action, peer=peer)
+
+    def status(self, action_id, status, within=5.0):
+        return self.link.wait("action", lambda a: a.action_id == action_id and a.status == status, within=within)

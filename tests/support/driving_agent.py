@@ -1,0 +1,41 @@
+"""`python -m tests.support.driving_agent ADDRESS LINEAR drive|media`: the smallest agent, made to be killed.
+
+ADDRESS is where a simulator runs, or `child` for one of its own.
+"""
+
+import asyncio
+import sys
+import threading
+
+from robots.agent.adapters.registry import create
+from robots.api.messages import Velocity
+
+
+def watch(adapter, seen: threading.Event) -> None:
+    camera = adapter.video()
+    camera.start()
+    while True:
+        if camera.read(1.0) is not None:
+            seen.set()
+
+
+async def drive(address: str, linear: float, media: bool) -> None:
+    options = {"start": "corridor-centre"} if address == "child" else {"address": address}
+    adapter = create("simulator", "giraff", options)
+    await adapter.connect()
+    seen = threading.Event()
+    if media:
+        threading.Thread(target=watch, args=(adapter, seen), daemon=True).start()
+        await asyncio.to_thread(seen.wait)
+    told = False
+    async for state in adapter.states():
+        adapter.apply(Velocity(linear=linear, angular=0.0))
+        if not told and abs(state.velocity.linear) > 0.2:
+            told = True
+            print("driving", flush=True)  # noqa: T201 -- for who started it
+            if address == "child":
+                print(adapter.address, flush=True)  # noqa: T201 -- as above
+
+
+if __name__ == "__main__":
+    asyncio.run(drive(sys.argv[1], float(sys.argv[2]), sys.argv[3] == "media"))

@@ -1,0 +1,107 @@
+"""A safety kernel on a bench: time that the test turns, a driver whose clock is off by a known amount, and a record of every output."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from robots.agent.permissions import Sender
+from robots.agent.safety import Decision, Kernel, Verdict
+from robots.api import messages as m
+
+LIMITS = m.Limits(
+    linear=0.7,
+    reverse=0.4,
+    angular=0.9,
+    linear_acceleration=0.4,
+    angular_acceleration=1.0,
+    linear_braking=1.2,
+    angular_braking=3.0,
+)
+CAPABILITIES = frozenset({"velocity", "goto", "follow", "dock", "undock", "tilt", "relocalize", "photo", "say", "call"})
+UNIX = 1_700_000_000.0
+DRIVER_CLOCK = 37.25  # the driver's Unix time is that much ahead of the robot's
+TICK = 0.02
+
+
+@dataclass
+class Bench:
+    """Turn time with `run`; everything else happens at `now`."""
+
+    limits: m.Limits = LIMITS
+    watchdog: float = 0.5
+    latch: Any = None
+    now: float = 1000.0
+    seq: int = 0
+    wanted: m.Velocity | None = None  # what the agent's own navigation wants
+    capabilities: frozenset[str] = CAPABILITIES
+    outputs: list[tuple[float, Decision]] = field(default_factory=list)
+
+    def __post_init__(self):
+        self.kernel = Kernel(self.limits, self.watchdog, self.capabilities, latch=self.latch)
+
+    @property
+    def unix(self):
+        return UNIX + self.now
+
+    def lease(self, *, session="s1", epoch=1, peer="p1", renewal=0, retained=False, **fields):
+        lease = m.Lease(session=session, epoch=epoch, peer=peer, who="Ada", renewal=renewal, stamp=self.unix, **fields)
+        return self.kernel.take_lease(lease, retained=retained, now=self.now)
+
+    def know_clock(self, peer="p1", *, offset=DRIVER_CLOCK, echoes=3):
+        for _ in range(echoes):
+            beat = self.kernel.clocks.beat(self.now, self.unix)
+            there = self.unix + 0.01 + offset
+            self.now += 0.02
+            answer = m.CommandHeartbeat(n=beat.n, stamp=there, peer=peer, echo=m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=there))
+            self.kernel.clocks.heard(peer, "mqtt", answer, now=self.now, unix=self.unix)
+            self.kernel.heard(peer, self.now)
+
+    def command(self, linear=0.5, angular=0.0, *, age=0.0, frame_age=0.0, **fields):
+        values = {"session": "s1", "epoch": 1, "seq": self.seq + 1, "method": "keyboard"} | fields
+        self.seq = max(self.seq, values["seq"])
+        frame = None if frame_age is None else self.unix - frame_age
+        return m.VelocityCommand(stamp=self.unix - age + DRIVER_CLOCK, linear=linear, angular=angular, frame=frame, **values)
+
+    def drive(self, linear=0.5, angular=0.0, *, sender=None, **fields) -> Verdict:
+        verdict = self.kernel.velocity(self.command(linear, angular, **fields), sender or Sender("datachannel", "p1"), now=self.now, unix=self.unix)
+        self.tick()
+        return verdict
+
+    def tick(self) -> Decision:
+        decision = self.kernel.tick(self.now, self.wanted)
+        self.outputs.append((self.now, decision))
+        return decision
+
+    def run(self, seconds, *, every=None, **command):
+        """Tick at 50 Hz; with `every` (s) send a command that often."""
+        for step in range(1, round(seconds / TICK) + 1):
+            self.now += TICK
+            if every and step % max(1, round(every / TICK)) == 0:
+                self.drive(**command)
+            else:
+                self.tick()
+        return self.speed
+
+    def at_speed(self, linear=0.5, angular=0.0):
+        """A driver with lease and clock, driving for two seconds."""
+        self.lease()
+        self.know_clock()
+        return self.run(2.0, every=0.06, linear=linear, angular=angular)
+
+    @property
+    def speed(self):
+        return self.kernel.commanded.linear
+
+    def ask(self, action, *, way="mqtt", peer=None, retained=False):
+        return self.kernel.permit(action, Sender(way, peer, retained), now=self.now, unix=self.unix)
+
+    def stop(self, *, action_id="stop-1", seq=0, way="datachannel", peer="p1", **fields):
+        action = m.Stop(action_id=action_id, stamp=0.0, seq=seq, **fields)
+        acted = self.kernel.stop(action, Sender(way, peer if way == "datachannel" else None), self.now)
+        self.tick()
+        return acted
+
+    def estop(self, *, action_id="estop-1", way="mqtt", peer=None, **fields):
+        action = m.EStop(action_id=action_id, stamp=0.0, **fields)
+        acted = self.kernel.estop(action, Sender(way, peer), now=self.now, unix=self.unix)
+        self.tick()
+        return acted

@@ -1,0 +1,120 @@
+"""A robot, its queue and its visitors in memory: carries out the decisions of sessions.leases and sessions.timekeeping without a database."""
+
+from dataclasses import dataclass, field, replace
+
+from sessions.leases import Ask, Deny, Grant, Hold, Resume, Rules, Scene, Visit, Wait, decide_take
+from sessions.timekeeping import AskThere, Drove, End, FoundThere, Free, Link, Lose, Move, Offer, SetTurn, Warn, Withdraw, decide_tick
+
+RULES = Rules(turn=60.0, warning=20.0, start=15.0, grace=10.0)
+ASKING = replace(RULES, idle=120.0)
+
+
+@dataclass
+class World:
+    now: float = 1000.0
+    hold: Hold = field(default_factory=lambda: Hold(0))
+    visits: dict[str, Visit] = field(default_factory=dict)
+    ended: dict[str, tuple[str, str, str]] = field(default_factory=dict)  # session: visitor, outcome, reason
+    grants: list[tuple[int, str]] = field(default_factory=list)  # epoch, visitor
+    online: bool = True
+    enabled: bool = True
+    offline_since: float | None = None
+    connected: set[str] = field(default_factory=set)  # visitors whose heartbeat reaches the robot
+    made: int = 0
+    rules: Rules = RULES
+    active_at: float | None = None  # when the robot last showed a sign of its driver
+    signs: dict[str, float] = field(default_factory=dict)  # visit: when its page last gave one
+    asked: tuple[str, float] | None = None
+
+    @property
+    def scene(self) -> Scene:
+        return Scene(self.hold, tuple(self.visits.values()), enabled=self.enabled, online=self.online)
+
+    @property
+    def link(self) -> Link:
+        if not self.online:
+            return Link(0.0, self.offline_since, self.offline_since, self.hold.session, self.hold.epoch, 0.1)
+        holder = self.scene.holder
+        silence = None if holder is None else (0.1 if holder.visitor in self.connected else 60.0)
+        known = {"moved": False, "active_at": self.active_at, "asked": self.asked, "signs": self.signs}
+        return Link(0.0, self.now, self.now, self.hold.session, self.hold.epoch, silence, **known)
+
+    def visit_of(self, visitor: str) -> Visit | None:
+        return next((visit for visit in self.visits.values() if visit.visitor == visitor), None)
+
+    def take(self, visitor: str, *, peer: str = "", session: str | None = None, old_peer: str | None = None, takeover: bool = False):
+        peer = peer or f"peer-of-{visitor}"
+        decision = decide_take(self.scene, Ask(visitor, peer, session, old_peer, takeover), self.rules, self.now)
+        match decision:
+            case Grant(None):
+                self._give(self._join(visitor), decision, peer)
+            case Grant(session):
+                self._give(session, decision, peer)
+            case Wait(None):
+                self._join(visitor)
+            case Wait(session) | Resume(session):
+                self.change(session, seen_at=self.now, lost_at=None if isinstance(decision, Wait) else self.visits[session].lost_at)
+            case Deny():
+                pass
+        return decision
+
+    def _join(self, visitor: str) -> str:
+        self.made += 1
+        session = f"s{self.made:04d}"
+        assert self.visit_of(visitor) is None
+        self.visits[session] = Visit(session, visitor, "waiting", self.now + self.made * 1e-6, seen_at=self.now)
+        return session
+
+    def _give(self, session: str, grant: Grant, peer: str) -> None:
+        assert self.scene.holder is None or self.scene.holder.id == session, "two drivers"
+        self.hold = Hold(self.hold.epoch + 1, session, peer)
+        visit = self.visits[session]
+        self.grants.append((self.hold.epoch, visit.visitor))
+        lost = self.now if grant.state == "reconnecting" else None
+        self.change(session, state=grant.state, seen_at=self.now, lost_at=lost)
+        if not grant.returning:
+            self.change(session, granted_at=self.now, offered_at=None, turn_ends_at=None)
+
+    def change(self, session: str, **changes: object) -> None:
+        self.visits[session] = replace(self.visits[session], **changes)
+
+    def end(self, session: str, outcome: str, reason: str) -> None:
+        visit = self.visits.pop(session)
+        self.ended[session] = (visit.visitor, outcome, reason)
+        self.connected.discard(visit.visitor)
+        if self.hold.session == session:
+            self.hold = Hold(self.hold.epoch + 1)
+
+    def pages_say_they_are_open(self, visitors) -> None:
+        for visit in list(self.visits.values()):
+            if visit.visitor in visitors:
+                self.change(visit.id, seen_at=self.now, lost_at=None if visit.state == "waiting" else visit.lost_at)
+
+    def tick(self, link: Link | None = None):
+        acts = decide_tick(self.scene, link or self.link, self.rules, self.now)
+        for act in acts:
+            match act:
+                case Free(epoch):
+                    assert epoch == self.hold.epoch
+                    self.hold = Hold(epoch + 1)
+                case Move(session, state, lost_at):
+                    self.change(session, state=state, lost_at=lost_at)
+                case End(session, outcome, reason):
+                    self.end(session, outcome, reason)
+                case SetTurn(session, ends_at):
+                    self.change(session, turn_ends_at=ends_at)
+                case Offer(session):
+                    self.change(session, offered_at=self.now)
+                case Withdraw(session):
+                    self.change(session, offered_at=None)
+                case Lose(session, lost_at):
+                    self.change(session, lost_at=lost_at)
+                case Drove(session):
+                    self.change(session, drove=True)
+                case AskThere(session):
+                    self.asked = session, self.now
+                case FoundThere():
+                    self.asked = None
+                case Warn():
+                    pass
+        return acts

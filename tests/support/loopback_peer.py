@@ -1,0 +1,140 @@
+"""A page without a browser: an aiortc connection that offers as our pages do and notes what it gets."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from aiortc import RTCConfiguration, RTCDataChannel, RTCPeerConnection, RTCSessionDescription
+from aiortc.mediastreams import MediaStreamError
+
+from robots.agent.media import MediaSide
+from robots.api.codec import decode_frame
+from robots.api.messages import Answer, Bye, Offer, Role, SignalReply
+from tests.support.patience import patient
+
+
+async def until(condition: Callable[[], Any], timeout: float = 10.0, what: str = "") -> Any:
+    """Wait until `condition` is true and return its value; fail after `timeout` seconds."""
+    deadline = time.monotonic() + patient(timeout)
+    while not (value := condition()):
+        assert time.monotonic() < deadline, f"not within {timeout} s: {what or condition}"
+        await asyncio.sleep(0.01)
+    return value
+
+
+@dataclass
+class Exchange:
+    """The signalling between a MediaSide and its pages: what the agent's control side would carry."""
+
+    loop: asyncio.AbstractEventLoop
+    replies: list[tuple[str, SignalReply]] = field(default_factory=list)
+    frames: list[tuple[str, Role, str | bytes]] = field(default_factory=list)
+
+    def reply(self, peer: str, message: SignalReply) -> None:
+        self.loop.call_soon_threadsafe(self.replies.append, (peer, message))
+
+    def on_frame(self, peer: str, role: Role, frame: str | bytes) -> None:
+        self.loop.call_soon_threadsafe(self.frames.append, (peer, role, frame))
+
+    def byes(self, peer: str) -> list[str]:
+        return [message.reason for name, message in self.replies if name == peer and isinstance(message, Bye)]
+
+    def answers(self, peer: str) -> list[str]:
+        return [message.sdp for name, message in self.replies if name == peer and isinstance(message, Answer)]
+
+
+class LoopbackPage:
+    """One page. `pictures` are (RTP timestamp, is key frame) as they arrive, `images` the decoded pictures' arrays."""
+
+    def __init__(self, media: MediaSide, exchange: Exchange, peer: str, *, decode: bool = True) -> None:
+        self.media, self.exchange, self.peer = media, exchange, peer
+        self.connection = RTCPeerConnection(RTCConfiguration(iceServers=[]))
+        self.video = self.connection.addTransceiver("video", direction="recvonly")
+        self.audio = self.connection.addTransceiver("audio", direction="recvonly")
+        self.channel: RTCDataChannel = self.connection.createDataChannel("control", ordered=False, maxRetransmits=0)
+        self.messages: list[tuple[str, Any]] = []
+        self.pictures: list[tuple[int, bool]] = []
+        self.images: list[Any] = []
+        self.sounds = 0
+        self._decode = decode
+        self._tasks: list[asyncio.Task[None]] = []
+        self.channel.on("message", lambda frame: self.messages.append(decode_frame(frame)))
+        self._note_pictures()
+
+    async def offer_sdp(self) -> str:
+        """Return the offer, with candidates."""
+        await self.connection.setLocalDescription(await self.connection.createOffer())
+        return self.connection.localDescription.sdp
+
+    async def connect(self, role: Role = "observer", timeout: float = 10.0) -> None:
+        """Offer, take the answer, and wait until media and data can flow."""
+        answered = len(self.exchange.answers(self.peer))
+        self.media.signal(self.peer, Offer(sdp=await self.offer_sdp(), role=role))
+        await until(lambda: len(self.exchange.answers(self.peer)) > answered, timeout, "an answer")
+        await self.take_answer()
+        await until(lambda: self.channel.readyState == "open", timeout, "an open data channel")
+
+    async def take_answer(self) -> None:
+        """Take the newest answer, and begin to watch and listen."""
+        await self.connection.setRemoteDescription(RTCSessionDescription(self.exchange.answers(self.peer)[-1], "answer"))
+        if self._decode:
+            self._tasks = [asyncio.ensure_future(self._watch()), asyncio.ensure_future(self._listen())]
+
+    async def lose_a_picture(self) -> None:
+        """Send a PLI, as a decoder does that misses something."""
+        await self.video.receiver._send_rtcp_pli(self.ssrc)
+
+    def fall_silent(self) -> None:
+        """Send no more RTCP, as a page does that hangs."""
+
+        async def nothing(data: bytes) -> None:
+            pass
+
+        self.audio.receiver.transport._send_rtp = nothing
+
+    @property
+    def ssrc(self) -> int:
+        """The stream that the robot's picture comes on."""
+        return self.connection.remoteDescription and int(
+            next(line for line in self.connection.remoteDescription.sdp.splitlines() if line.startswith("a=ssrc:")).split(":")[1].split()[0]
+        )
+
+    def clocks(self) -> list[Any]:
+        return [message for suffix, message in self.messages if suffix == "media"]
+
+    async def close(self) -> None:
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await self.connection.close()
+
+    def _note_pictures(self) -> None:
+        receiver = self.video.receiver
+        handle = receiver._handle_rtp_packet
+
+        async def note(packet: Any, arrival_time_ms: int) -> None:
+            # RFC 7741: S = 1 and partition 0 begin a picture, whose first byte has P = 0 when it is a key frame.
+            if len(packet.payload) > 4 and packet.payload[0] == 0x10:
+                self.pictures.append((packet.timestamp, packet.payload[1] & 1 == 0))
+            if self._decode:
+                await handle(packet, arrival_time_ms)
+
+        receiver._handle_rtp_packet = note
+
+    async def _watch(self) -> None:
+        try:
+            while True:
+                frame = await self.video.receiver.track.recv()
+                self.images = [*self.images[-20:], frame.to_ndarray(format="rgb24")]
+        except MediaStreamError:
+            pass
+
+    async def _listen(self) -> None:
+        try:
+            while True:
+                await self.audio.receiver.track.recv()
+                self.sounds += 1
+        except MediaStreamError:
+            pass

@@ -1,0 +1,142 @@
+"""OpenMORA's MQTTMosquitto module with the simulated robot behind it: its topics, its time-outs, its habits."""
+
+import asyncio
+import contextlib
+import math
+import time
+
+from aiomqtt import Client, MqttError
+
+from tests.support.mosquitto import Mosquitto
+from tests.support.rca_world import RcaRig
+
+MOTION_TIME = 0.5
+ACK_TIME = 2.0
+EPOCH_MS = 11_644_473_600_000
+PLACES = {"Charger": (0.5, 6.3), "CorridorMiddle": (5.7, 1.0)}
+
+
+class OpenMoraRig(RcaRig):
+    """A Mosquitto and, as its client, the robot."""
+
+    adapter_name = "openmora_mqtt"
+
+    def __init__(self, directory, series="giraff", name="Giraff"):
+        super().__init__(series)
+        self.name = name
+        self.broker = Mosquitto(directory)
+        self.said = []  # (topic, text) that reached the robot
+        self.error = ""
+        self._client = None
+        self._listening = None
+
+    def options(self):
+        return {"broker": self.broker.url, "robot": self.name}
+
+    def __enter__(self):
+        self.broker.start()
+        return super().__enter__()
+
+    def __exit__(self, *arguments):
+        super().__exit__(*arguments)
+        self.broker.kill()
+
+    async def up(self):
+        self._client = Client("127.0.0.1", self.broker.port, keepalive=5)
+        await self._client.__aenter__()
+        for topic in ("NavigationCommand", "SessionCommand", "ClientACK"):
+            await self._client.subscribe(f"{self.name}/{topic}")
+        self._motion_at = self._ack_at = None
+        self._destination = "NULL"
+        self._listening = asyncio.ensure_future(self._listen())
+
+    async def down(self):
+        self._listening.cancel()
+        with contextlib.suppress(MqttError, asyncio.CancelledError):
+            await self._listening
+        with contextlib.suppress(MqttError):
+            await self._client.__aexit__(None, None, None)
+        self.world.cancel()
+
+    async def _listen(self):
+        async for delivery in self._client.messages:
+            stamp, _, text = delivery.payload.decode().partition("|")
+            assert abs(int(stamp) - EPOCH_MS - time.time() * 1000) < 5000
+            topic = str(delivery.topic).split("/")[1]
+            if topic != "ClientACK":
+                self.said.append((topic, text))
+            self._take(topic, text)
+
+    def _take(self, topic, text):
+        if topic == "ClientACK":
+            count, stamp = text.split("|")[0].split()
+            assert int(count) > 0
+            assert int(stamp) > EPOCH_MS
+            self._ack_at = time.monotonic()
+        elif topic == "NavigationCommand":
+            word, *rest = text.split()
+            getattr(self, f"_on_{word.lower()}")(*rest)
+
+    def _on_motion(self, linear, angular):
+        self._motion_at = time.monotonic()
+        self.world.drive(float(linear), float(angular))
+
+    def _on_stopgiraff(self):
+        self._cancel()
+
+    def _on_gotopoint(self, x, y):
+        self.world.go_to(float(x), float(y))
+
+    def _on_gotonode(self, label):
+        self._destination = label
+        self.world.go_to(*PLACES[label])
+
+    def _on_gotorecharge(self):
+        self.world.dock()
+
+    def _on_tilt(self, degrees):
+        self.world.tilt(self.world.sim.model.tilt.home + math.radians(float(degrees)))
+
+    def _on_relocalize(self, x, y):
+        pass
+
+    def _cancel(self):
+        self._destination = "NULL"
+        self.world.cancel()
+        self.world.drive(0.0, 0.0)
+
+    async def say(self, count):
+        now = time.monotonic()
+        if self._motion_at is not None and now - self._motion_at > MOTION_TIME:
+            self._motion_at = None
+            self._cancel()  # as the real one: whatever runs by then
+        if self._ack_at is not None and now - self._ack_at > ACK_TIME:
+            self._ack_at = None
+            self._cancel()
+        if count % 5 == 0:
+            await self._publish("Status", self._status())
+        if count % 5 == 2:
+            await self._publish("LaserScan", self._scan())
+        if count % 25 == 0:
+            await self._publish("RobotACK", f"1 0|{count} {EPOCH_MS}|0 0")
+        if count % 50 == 0:
+            await self._publish("Topology", "Graph" + "#".join(f"{label} Place {x} {y}" for label, (x, y) in PLACES.items()))
+        if self.error:
+            await self._publish("ErrorMsg", self.error)
+            self.error = ""
+
+    async def _publish(self, topic, text):
+        with contextlib.suppress(MqttError):
+            await self._client.publish(f"{self.name}/{topic}", f"{round(time.time() * 1000) + EPOCH_MS}|{text}")
+
+    def _status(self):
+        sim, world = self.world.sim, self.world
+        place = next((label for label, (x, y) in PLACES.items() if math.hypot(x - sim.pose.x, y - sim.pose.y) < 0.5), "NULL")
+        mode = "Autonomous" if world.journey == "running" else "Manual"
+        pose = f"[{sim.pose.x:.4f} {sim.pose.y:.4f} {math.degrees(sim.pose.theta):.3f}]"
+        return f"{pose}|{place}|{self._destination}|{mode}|{sim.voltage():.2f}|{int(sim.docked)}|0|0|0"
+
+    def _scan(self):
+        laser = self.world.sim.model.laser
+        values = " ".join(f"{value:.2f}" for value in self.world.ranges())
+        return f"Aperture {laser.fov:.2f}#Nsamples {laser.beams}#Values {values}"

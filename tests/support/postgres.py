@@ -1,0 +1,81 @@
+"""A real PostgreSQL server for one test: in a directory of its own, on an unused port, gone afterwards.
+
+PostgreSQL refuses to run as root, so that root's tests run it as the user `postgres`.
+"""
+
+import contextlib
+import os
+import pwd
+import shutil
+import socket
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+OWNER = "postgres"
+PROGRAMS = Path("/usr/lib/postgresql")
+
+
+@dataclass(frozen=True)
+class Postgres:
+    """A running server; `url` is a DATABASE_URL of its database."""
+
+    directory: Path
+    port: int
+
+    @property
+    def url(self) -> str:
+        return f"postgres://{OWNER}@127.0.0.1:{self.port}/postgres"
+
+    @property
+    def data(self) -> str:
+        return str(self.directory / "data")
+
+    def start(self) -> None:
+        options = f"-p {self.port} -c listen_addresses=127.0.0.1 -c unix_socket_directories={self.directory} -c fsync=off -c max_connections=40"
+        log = str(self.directory / "log")
+        _run(program("pg_ctl"), "-D", self.data, "-l", log, "-w", "-t", "60", "-o", options, "start", cwd=self.directory)
+
+    def stop(self) -> None:
+        """End it as a crash does: without asking its clients."""
+        _run(program("pg_ctl"), "-D", self.data, "-m", "immediate", "-w", "stop", cwd=self.directory)
+
+
+def program(name: str) -> str:
+    """Return the path of a PostgreSQL program; a missing one is an error and never a reason to skip."""
+    found = sorted(PROGRAMS.glob(f"*/bin/{name}"), key=lambda path: int(path.parts[-3])) or [Path(shutil.which(name) or "")]
+    assert found[-1].is_file(), f"{name} is not installed: apt-get install postgresql"
+    return str(found[-1])
+
+
+def _identity() -> dict[str, int]:
+    if os.geteuid() != 0:
+        return {}
+    owner = pwd.getpwnam(OWNER)
+    return {"user": owner.pw_uid, "group": owner.pw_gid, "extra_groups": []}
+
+
+def _run(*command: str, cwd: Path) -> None:
+    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False, **_identity())
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@contextlib.contextmanager
+def running_postgres() -> Iterator[Postgres]:
+    directory = Path(tempfile.mkdtemp(prefix="telepresence-postgres-"))
+    if os.geteuid() == 0:
+        shutil.chown(directory, OWNER)
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        server = Postgres(directory, probe.getsockname()[1])
+    try:
+        _run(program("initdb"), "-D", server.data, "-U", OWNER, "--auth=trust", "-E", "UTF8", "--no-sync", cwd=directory)
+        server.start()
+        try:
+            yield server
+        finally:
+            server.stop()
+    finally:
+        shutil.rmtree(directory, ignore_errors=True)

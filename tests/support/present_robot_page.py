@@ -1,0 +1,169 @@
+"""The drive page and the page of the robot's own display, both real, against a robot whose loudspeaker and display can be measured."""
+
+import json
+import secrets
+import time
+from types import SimpleNamespace
+from typing import Any
+from urllib.parse import urlsplit
+
+import msgspec
+from django.template.loader import render_to_string
+from django.utils import translation
+from websockets.asyncio.server import ServerConnection
+from websockets.http11 import Request, Response
+
+from robots.agent.adapters.contract import FROM_PAGE
+from robots.agent.calls import Calls
+from robots.agent.media import MediaSide
+from robots.agent.permissions import Sender
+from robots.agent.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
+from robots.api import messages as m
+from sessions import wire
+from sessions.room import Halt, Publish
+from sessions.screen_room import ScreenRoom
+from tests.support.fake_robot_page import ROBOT, FakeRobotPage, _Page, _response
+from tests.support.synthetic_camera import SyntheticMicrophone
+
+CAPABILITIES = ("velocity", "video", "audio", "say", "call", "photo", "tilt")
+SCREEN = "/screen-socket"
+
+
+class PresentRobotPage(FakeRobotPage):
+    """As FakeRobotPage, with a head, a voice and a display; `screen_url` is the page of its screen. `asked` holds permitted actions.
+
+    `from_page`: the robot has no camera and no microphone, and its screen's page gives them.
+    """
+
+    def __init__(self, *, from_page: bool = False, **options: Any) -> None:
+        super().__init__(**options)
+        self.kernel.capabilities = frozenset(CAPABILITIES)
+        self.speaker, self.display, self.calls = MeasuringSpeaker(), MeasuringDisplay(), Calls()
+        self.media = MediaSide(
+            video=FROM_PAGE if from_page else self.camera, audio=FROM_PAGE if from_page else SyntheticMicrophone(), viewers=4, on_frame=self._on_channel, reply=self._reply,
+            outputs=(self.speaker, self.display),
+        )  # fmt: skip
+        self.tilt = 0.0
+        self.asked: list[Any] = []
+        self.is_study = False
+        self._rendered: dict[str, str] = {}  # pages by language: there are a hundred requests a page
+        self._screens: dict[str, tuple[_Page, ScreenRoom]] = {}
+
+    @property
+    def screen_url(self) -> str:
+        return self.url + "screen"
+
+    def html(self, language: str = "en") -> str:
+        if language not in self._rendered:
+            page, told = super().html(language), '"capabilities": ["velocity", "video"]'
+            assert told in page
+            self._rendered[language] = page.replace(told, f'"capabilities": {json.dumps(CAPABILITIES)}')
+        return self._rendered[language]
+
+    def screen_html(self, language: str = "en") -> str:
+        config = {"robot": ROBOT, "socket": SCREEN, "key": "/key", "csrf": "x"}
+        with translation.override(language):
+            return render_to_string("sessions/screen.html", {"robot": SimpleNamespace(name=ROBOT, title="Giraff"), "config": config})
+
+    def _http(self, connection: ServerConnection, request: Request) -> Response | None:
+        path = urlsplit(request.path).path
+        if path == SCREEN:
+            return None
+        pages = {"/screen": self.screen_html, "/spanish-screen": lambda: self.screen_html("es"), "/spanish": lambda: self.html("es")}
+        if path in pages:
+            return _response(pages[path]().encode(), "text/html; charset=utf-8")
+        return super()._http(connection, request)
+
+    async def _page(self, connection: ServerConnection) -> None:
+        if connection.request is None or urlsplit(connection.request.path).path != SCREEN:
+            await super()._page(connection)
+            return
+        room = ScreenRoom(f"screen{secrets.token_hex(4)}", "Giraff")
+        page = _Page(connection, room.peer, 0)
+        self._screens[room.peer] = (page, room)
+        page.say("hello", wire.Hello(peer=room.peer, stamp=time.time(), robot=ROBOT, online=True, may_drive=False, may_observe=False))
+        self._tell_room()
+        try:
+            async for frame in connection:
+                self._hear_screen(room, frame)
+        finally:
+            self._screens.pop(room.peer, None)
+            self.media.signal(room.peer, m.Bye(reason="left"))
+
+    def _hear_screen(self, room: ScreenRoom, frame: str | bytes) -> None:
+        for effect in room.receive(frame, None, time.monotonic()):
+            if isinstance(effect, Halt):
+                self._command("command/action", effect.message, Sender("mqtt"), room.peer)
+            elif isinstance(effect, Publish) and effect.suffix.startswith("signal/"):
+                self.media.signal(room.peer, effect.message)
+            elif isinstance(effect, Publish):
+                self._command(effect.suffix, msgspec.structs.replace(effect.message, stamp=time.time()), Sender("mqtt"), room.peer)
+
+    def _tell_room(self) -> None:
+        super()._tell_room()
+        lease = self._lease
+        shown = wire.Screen(
+            title="Giraff", session=lease.session if lease else None, visitor="Ana" if lease else None, study=bool(lease) and self.is_study
+        )
+        for page, _ in self._screens.values():
+            page.say("screen", shown)
+
+    def _tell(self, suffix: str, message: m.Message) -> None:
+        super()._tell(suffix, message)
+        if suffix in {"state", "words", "action"}:
+            for page, _ in self._screens.values():
+                page.say(suffix, message)
+
+    def _reply(self, peer: str, message: m.SignalReply) -> None:
+        if peer in self._screens:
+            self.do(lambda: peer in self._screens and self._screens[peer][0].say("signal/reply", message))
+        else:
+            super()._reply(peer, message)
+
+    def _command(self, suffix: str, message: Any, sender: Sender, peer: str) -> None:
+        now, unix = time.monotonic(), time.time()
+        if isinstance(message, m.EStop):
+            self.kernel.estop(message, sender, now=now, unix=unix)
+            self._say("state", self._state())
+        elif isinstance(message, m.Call | m.AnswerCall | m.Say | m.Tilt | m.ClearEStop | m.Photo):
+            reason = self.kernel.permit(message, sender, now=now, unix=unix)
+            if reason is None:
+                self.asked.append(message)
+                self._obey(message, now)
+            if not isinstance(message, m.Photo):
+                status = m.ActionStatus(action_id=message.action_id, status="FAILED" if reason else "FINISHED", stamp=unix, reason=reason or "")
+                self._say("action", status)
+                return
+            super()._command(suffix, message, sender, peer)
+        else:
+            super()._command(suffix, message, sender, peer)
+
+    def _obey(self, message: Any, now: float) -> None:
+        lease = self.kernel.leases.live(now)
+        match message:
+            case m.Call() if lease:
+                self.calls.ask(message, lease, now)
+            case m.AnswerCall():
+                self.calls.answer(accept=message.accept, lease=lease, now=now)
+            case m.Tilt():
+                self.tilt = message.angle
+            case m.ClearEStop():
+                self.kernel.clear_estop(now)
+            case m.Say() if lease:
+                here = message.role == "screen"
+                words = m.Words(
+                    stamp=time.time(), action_id=message.action_id, session=lease.session, by="screen" if here else "driver",
+                    who=message.user if here else lease.who, text=message.text, language=message.language, aloud=message.aloud and not here,
+                )  # fmt: skip
+                self._tell("words", words)
+        self._say("state", self._state())
+
+    def _state(self) -> m.State:
+        now = time.monotonic()
+        lease = self.kernel.leases.live(now)
+        passing = self.calls.passing(lease, now)
+        self.media.let_through(audio=passing.audio, video=passing.video, volume=passing.volume)
+        latch = self.kernel.latch
+        state = super()._state()
+        safety = msgspec.structs.replace(state.safety, estop=latch is not None, estop_source=latch.label if latch else None)
+        return msgspec.structs.replace(state, call=self.calls.state(lease, now), screens=self.media.screens, tilt=self.tilt, safety=safety)

@@ -1,0 +1,195 @@
+"""The simulated robot behind an architecture of its own: it obeys velocities, finds short ways by itself, and docks.
+
+Stands for ROS, MOOS and the like in the tests of their adapters; `RcaRig` runs it in a thread beside the test.
+"""
+
+import asyncio
+import math
+import threading
+import time
+
+import numpy as np
+
+from robots.agent.adapters import registry
+from robots.agent.simulator.playback import Playback
+from robots.agent.simulator.profiles import model_of
+from robots.agent.simulator.simulation import Simulation
+from robots.agent.world.sites import load_plan
+from robots.api.geometry import Pose2D, wrap_angle
+
+TICK = 0.02
+NEAR = 0.12
+BEFORE_DOCK = {"giraff": "0.8,6.3,3.14159", "rhodon": "11.26,1.0,0.0"}
+
+
+class RcaWorld:
+    """One robot, in real time. `journey` is "", "running", "done" or "failed"; whoever drives by hand ends it."""
+
+    def __init__(self, series, start="corridor-centre"):
+        self.series, self.start = series, start
+        self.reset()
+
+    def reset(self, start=None):
+        plan, _ = load_plan("office")
+        self.sim = Simulation(model_of(self.series), plan, seed=3, start=start or self.start)
+        self.playback = Playback(self.sim, time.monotonic(), time.time())
+        self.journey, self.goal, self.kind = "", None, ""
+        self.commands = []  # (monotonic time, linear, angular)
+
+    @property
+    def truth(self):
+        return self.sim.pose
+
+    def drive(self, linear, angular):
+        if self.journey == "running" and (linear or angular):
+            self.journey = "failed"
+        if self.journey != "running":
+            self.commands.append((time.monotonic(), linear, angular))
+            self._command(linear, angular)
+
+    def _command(self, linear, angular):
+        self.playback.advance(time.monotonic(), time.time())
+        self.sim.command(linear, angular)
+
+    def tilt(self, angle):
+        self.sim.tilt_target = angle
+
+    def go_to(self, x, y):
+        self.journey, self.goal, self.kind = "running", Pose2D(x, y, 0.0), "goto"
+
+    def dock(self):
+        place = self.sim.plan.dock_of(self.series)
+        self.journey, self.goal, self.kind = "running", Pose2D(place.x, place.y, place.theta), "dock"
+
+    def undock(self):
+        back = self.sim.pose.compose(Pose2D(-0.3, 0.0, 0.0))
+        self.journey, self.goal, self.kind = "running", back, "undock"
+
+    def cancel(self):
+        if self.journey == "running":
+            self.journey = "failed"
+            self._command(0.0, 0.0)
+
+    def tick(self):
+        """Let time pass up to now."""
+        self.playback.advance(time.monotonic(), time.time())
+        if self.journey == "running":
+            self._travel()
+
+    def _travel(self):
+        ahead = self.sim.pose.inverse().compose(self.goal)
+        distance, bearing = math.hypot(ahead.x, ahead.y), math.atan2(ahead.y, ahead.x)
+        if self.sim.docked if self.kind == "dock" else distance < NEAR:
+            self.sim.command(0.0, 0.0)
+            self.journey = "done"
+        elif self.kind == "undock":
+            self.sim.command(-0.25, 0.0)
+        elif abs(bearing) > 0.3:
+            self.sim.command(0.0, math.copysign(0.6, bearing))
+        else:
+            self.sim.command(0.2 if self.kind == "dock" else min(0.5, 0.15 + distance), 0.8 * wrap_angle(bearing) if distance > NEAR else 0.0)
+
+    def ranges(self):
+        return np.nan_to_num(self.sim.scan(), posinf=self.sim.model.laser.range_max + 1.0)
+
+
+class RcaRig:
+    """A world and an RCA before it. A subclass says how the RCA is brought `up`, what it says each tick, and how it goes `down`.
+
+    Runs in a thread with a loop of its own, so that one rig serves many tests; use as a context manager.
+    """
+
+    series = "giraff"
+    adapter_name = ""
+
+    def __init__(self, series=None):
+        self.world = RcaWorld(series or self.series)
+        self.loop = asyncio.new_event_loop()
+        self.running = False
+        self.errors = []
+        self._thread = threading.Thread(target=self._serve, name="rca", daemon=True)
+        self._ending = threading.Event()
+
+    # what a subclass says
+
+    def options(self):
+        """What an adapter is told to find this RCA, by name."""
+        raise NotImplementedError
+
+    async def up(self):
+        """Bring the RCA up."""
+
+    async def down(self):
+        """Kill it."""
+
+    async def say(self, count):
+        """Say what is due in this tick."""
+
+    # what a test uses
+
+    def __enter__(self):
+        self._thread.start()
+        self.revive()
+        return self
+
+    def __exit__(self, *_):
+        try:
+            self.kill()
+        finally:
+            self._ending.set()
+            self._thread.join(10)
+
+    def adapter(self, **options):
+        return registry.create(self.adapter_name, self.world.series, {**self.options(), **options})
+
+    def call(self, work, within=15.0):
+        return asyncio.run_coroutine_threadsafe(work, self.loop).result(within)
+
+    def revive(self):
+        self.call(self._up())
+
+    def kill(self):
+        self.call(self._down())
+
+    def reset(self, start=None):
+        async def again():
+            self.world.reset(start)
+            await self.after_reset()
+
+        self.call(again())
+
+    async def after_reset(self):
+        pass
+
+    async def _up(self):
+        if not self.running:
+            await self.up()
+            self.running = True
+
+    async def _down(self):
+        if self.running:
+            self.running = False
+            await self.down()
+
+    def _serve(self):
+        asyncio.set_event_loop(self.loop)
+        try:
+            self.loop.run_until_complete(self._ticking())
+        finally:
+            for task in asyncio.all_tasks(self.loop):
+                task.cancel()
+            self.loop.run_until_complete(asyncio.sleep(0.05))
+            self.loop.close()
+
+    async def _ticking(self):
+        count = 0
+        while not self._ending.is_set():
+            self.world.tick()
+            if self.running:
+                try:
+                    await self.say(count)
+                except Exception as error:
+                    if self.running:
+                        self.errors.append(error)
+            count += 1
+            await asyncio.sleep(TICK)

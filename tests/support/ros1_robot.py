@@ -1,0 +1,102 @@
+"""A real ROS master, and the simulated robot as a node of it."""
+
+import contextlib
+import signal
+import socket
+import subprocess
+import time
+from pathlib import Path
+
+from robots.agent.adapters import ros1
+from robots.agent.adapters.contract import AdapterError
+from tests.support.patience import patient
+from tests.support.rca_world import RcaRig
+from tests.support.ros_robot import RosRobot
+from tests.support.site import free_port
+
+PYTHON = "/usr/bin/python3"
+DOCKING = {"/dock": "dock", "/undock": "undock", "/cancel_dock": "cancel"}
+
+
+class RobotBus(ros1.NodeBus):
+    script = Path(__file__).with_name("ros1_robot_node.py")
+
+    def offer(self, service, kind, handler):
+        self._handlers[service] = handler
+        self._say(op="offer", service=service, kind=kind)
+
+
+class RosMaster:
+    def __init__(self):
+        self.port = free_port()
+        self._process = None
+
+    @property
+    def uri(self):
+        return f"http://127.0.0.1:{self.port}"
+
+    def start(self):
+        environment = {"ROS_IP": "127.0.0.1", "ROS_LOG_DIR": "/tmp", "PATH": "/usr/bin:/bin"}
+        command = [PYTHON, "/usr/bin/rosmaster", "--core", "-p", str(self.port)]
+        self._process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        deadline = time.monotonic() + patient(15.0)
+        while not self._answers():
+            assert self._process.poll() is None, "rosmaster ended"
+            assert time.monotonic() < deadline, "rosmaster does not listen"
+            time.sleep(0.05)
+
+    def _answers(self):
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", self.port), timeout=1.0):
+            return True
+        return False
+
+    def kill(self):
+        if self._process is not None:
+            self._process.send_signal(signal.SIGKILL)
+            self._process.wait()
+            self._process = None
+
+
+class Ros1Rig(RcaRig):
+    adapter_name = "ros1"
+
+    def __init__(self, series="rhodon"):
+        super().__init__(series)
+        self.master = RosMaster()
+        self.robot = RosRobot(self.world, 1)
+        self.lost = []
+
+    def options(self):
+        named = {"dock": "/dock", "undock": "/undock", "cancel_dock": "/cancel_dock"}
+        return {"master": self.master.uri, "ip": "127.0.0.1", **named}
+
+    async def up(self):
+        self.master.start()
+        await self.start_robot()
+
+    async def start_robot(self):
+        self._bus = RobotBus(ros1.Options(master=self.master.uri, ip="127.0.0.1"))
+        await self._bus.open(self.lost.append, None)
+        robot = self.robot
+        for topic, kind in robot.TOPICS.items():
+            self._bus.advertise(topic, kind, latch=topic == "/amcl_pose")
+        for topic in ("/move_base/status", "/move_base/result"):
+            self._bus.advertise(topic, robot.MOVE_BASE[topic])
+        for topic, kind in (robot.HEARS | {name: robot.MOVE_BASE[name] for name in ("/move_base/goal", "/move_base/cancel")}).items():
+            self._bus.subscribe(topic, kind, lambda message, topic=topic: robot.hear(topic, message))
+        for service, verb in DOCKING.items():
+            self._bus.offer(service, "std_srvs/Trigger", lambda _, verb=verb: getattr(self.world, verb)())
+        robot.restarted()
+
+    async def down(self):
+        self.master.kill()
+        await self._bus.shut()
+        self.world.cancel()
+
+    async def after_reset(self):
+        self.robot.restarted()
+
+    async def say(self, count):
+        with contextlib.suppress(AdapterError):
+            for topic, message in self.robot.says(count) + self.robot.move_base_says(count):
+                self._bus.publish(topic, message)

@@ -1,0 +1,151 @@
+"""An adapter whose robot does what the test says: it records every velocity with its time, and has a watchdog of its own."""
+
+import asyncio
+import threading
+import time
+from dataclasses import dataclass, field, replace
+
+from robots.agent.adapters.contract import ActionProgress, AdapterError, Profile, RcaState
+from robots.agent.motion import ZERO
+from robots.api import messages as m
+
+LIMITS = m.Limits(
+    linear=0.7, reverse=0.4, angular=0.9, linear_acceleration=4.0, angular_acceleration=8.0, linear_braking=4.0, angular_braking=8.0
+)  # fmt: skip
+WATCHDOG = 0.3
+PROFILE = Profile(
+    series="Scripted",
+    rca="test",
+    capabilities=("velocity", "goto", "dock", "tilt", "relocalize", "say"),
+    limits=LIMITS,
+    footprint=((0.2, 0.2), (0.2, -0.2), (-0.2, -0.2), (-0.2, 0.2)),
+    watchdog=WATCHDOG,
+)
+
+
+def still(**fields):
+    """A reading of a robot that stands somewhere in its map."""
+    values = {
+        "stamp": time.time(),
+        "pose": m.Pose(x=1.0, y=2.0, theta=0.5),
+        "velocity": ZERO,
+        "battery": m.Battery(charge=0.8),
+    } | fields
+    return RcaState(**values)
+
+
+@dataclass
+class ScriptedRobot:
+    """Set the attributes from the test's thread; they are read at 50 Hz."""
+
+    profile: Profile = PROFILE
+    reading: RcaState = field(default_factory=still)
+    lost: str = ""  # non-empty: every connection fails or ends with this sentence
+    silent: bool = False  # connected, and reporting nothing
+    deaf: bool = False  # reporting, but refusing velocities
+    refuses: str = ""  # non-empty: no action can be started
+    hanging: bool = False  # an action that is started never answers
+    finishes: bool = True  # actions run until their end, instead of for ever
+
+    def __post_init__(self):
+        self.lock = threading.Lock()
+        self.applied = []  # (monotonic time, velocity)
+        self.started, self.cancelled, self.configs = [], [], []
+        self.connections = 0
+        self.closed = False
+        self._progress = None
+
+    async def connect(self):
+        self.connections += 1
+        if self.lost:
+            raise AdapterError(self.lost)
+        self._progress = asyncio.Queue()
+
+    def apply(self, velocity):
+        if self.lost or self.deaf:
+            raise AdapterError(self.lost or "the base does not listen")
+        with self.lock:
+            self.applied.append((time.monotonic(), velocity))
+        return velocity
+
+    async def start(self, action):
+        if self.hanging:
+            await asyncio.Future()
+        if self.refuses:
+            raise AdapterError(self.refuses)
+        self.started.append(action)
+        self.report(action.action_id, "RUNNING")
+        if self.finishes:
+            self.report(action.action_id, "FINISHED")
+
+    async def cancel(self, action_id):
+        self.cancelled.append(action_id)
+        self.report(action_id, "CANCELLED")
+
+    def report(self, action_id, status, reason=""):
+        self._progress.put_nowait(ActionProgress(action_id, status, reason))
+
+    async def states(self):
+        while True:
+            if self.lost:
+                raise AdapterError(self.lost)
+            if not self.silent:
+                yield replace(self.reading, stamp=time.time())
+            await asyncio.sleep(0.02)
+
+    async def progress(self):
+        while True:
+            yield await self._progress.get()
+
+    def video(self):
+        return None
+
+    def audio(self):
+        return None
+
+    def configure(self, config):
+        self.configs.append(config)
+
+    async def close(self):
+        self.closed = True
+
+    # --- what a test asks ----------------------------------------------------------------------------------------------
+
+    def velocities(self, since=0.0):
+        with self.lock:
+            return [(at, velocity) for at, velocity in self.applied if at >= since]
+
+    @property
+    def told(self):
+        """The velocity the base was last told."""
+        velocities = self.velocities()
+        return velocities[-1][1] if velocities else ZERO
+
+    def base_at(self, moment):
+        """What the base does at a moment: what it was last told, or nothing when its watchdog has struck."""
+        before = [(at, velocity) for at, velocity in self.velocities() if at <= moment]
+        return before[-1][1] if before and moment - before[-1][0] < self.profile.watchdog else ZERO
+
+
+class SelfDrivingRobot(ScriptedRobot):
+    """One whose navigation runs in the agent (contract.SelfDriving): `wish` is what it wants while an action runs."""
+
+    wish = ZERO
+    steered = 0.0
+
+    def __post_init__(self):
+        super().__post_init__()
+        self.assist, self.floorplans, self.proceeded = [], [], []
+
+    def wanted(self):
+        return self.wish if self.started and self.started[-1].action_id not in self.cancelled else None
+
+    def proceed(self, velocity):
+        self.proceeded.append(velocity)
+        return self.apply(velocity)
+
+    def set_assist(self, level):
+        self.assist.append(level)
+
+    def take_floorplan(self, update):
+        self.floorplans.append(update)

@@ -1,0 +1,239 @@
+"""The whole system on one machine, as processes, for tests that break parts of it: broker, session manager, web server, robots."""
+
+import atexit
+import contextlib
+import functools
+import json
+import os
+import shutil
+import signal
+import socket
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from telepresence_site.serving import APPLICATION, DAPHNE
+from tests.support.clerk import Clerk
+from tests.support.patience import patient
+from tests.support.truth import Onlooker
+
+T = TypeVar("T")
+ROOT = Path(__file__).resolve().parents[2]
+LOOPBACK = "127.0.0.1"
+DEMO_TOKEN = "tests-only"
+DATABASE = "telepresence.sqlite3"
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return probe.getsockname()[1]
+
+
+def wait_for(condition: Callable[[], T], within: float, what: str) -> T:
+    """Return the first truthy value of `condition()`, or fail saying what never came."""
+    deadline = time.monotonic() + patient(within)
+    while not (value := condition()):
+        assert time.monotonic() < deadline, f"{what} did not come within {within} s"
+        time.sleep(0.05)
+    return value
+
+
+@functools.cache
+def empty_database() -> Path:
+    """Return a database with all tables and nothing in them, made once a run: to copy it takes no time."""
+    var = Path(tempfile.mkdtemp(prefix="telepresence-empty-"))
+    atexit.register(shutil.rmtree, var, ignore_errors=True)
+    Site(var).run("manage.py", "migrate", "-v", "0")
+    return var / DATABASE
+
+
+@dataclass
+class Site:
+    """Everything that `manage.py demo` runs, each part of it in the test's hands."""
+
+    var: Path
+    web_port: int = field(default_factory=free_port)
+    mqtt_port: int = field(default_factory=free_port)
+    bind: str = LOOPBACK
+    settings: dict[str, str] = field(default_factory=dict)
+    processes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
+    commands: dict[str, list[str]] = field(default_factory=dict)
+    clerk: Clerk | None = None
+
+    @property
+    def url(self) -> str:
+        return f"http://{LOOPBACK}:{self.web_port}"
+
+    @property
+    def mqtt_url(self) -> str:
+        return f"mqtt://{LOOPBACK}:{self.mqtt_port}"
+
+    @property
+    def environment(self) -> dict[str, str]:
+        kept = {name: value for name, value in os.environ.items() if name not in {"DATABASE_URL", "DJANGO_SETTINGS_MODULE", "PLAIN_STATIC"}}
+        ours = {
+            "VAR_DIR": str(self.var), "MQTT_URL": self.mqtt_url, "HTTP_ONLY": "1", "DEMO_TOKEN": DEMO_TOKEN, "PYTHONUNBUFFERED": "1",
+            "DJANGO_SETTINGS_MODULE": "telepresence_site.settings", "PLAIN_STATIC": "1", "LOG_LEVEL": "INFO",
+        }  # fmt: skip
+        return {**kept, **ours, **self.settings}
+
+    # --- the database, as seen from outside ---
+
+    def prepare(self) -> None:
+        self.var.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(empty_database(), self.var / DATABASE)
+        # A robot that goes home after every visit is a test of its own; in all others the next visitor need not wait for it.
+        self.django(
+            f"from telepresence_site.demo.seed import seed; seed({self.mqtt_url!r});"
+            "from robots.models import Robot; Robot.objects.update(returns_home=False)"
+        )
+
+    def run(self, *arguments: str) -> str:
+        done = subprocess.run([sys.executable, *arguments], cwd=ROOT, env=self.environment, capture_output=True, text=True, timeout=120, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done.stdout
+
+    def django(self, code: str) -> str:
+        """Run Python with Django set up, and return what it prints."""
+        self.clerk = self.clerk or Clerk(ROOT, self.environment)
+        return self.clerk.ask(code)
+
+    def rows(self, sql: str, *values: Any) -> list[tuple[Any, ...]]:
+        with contextlib.closing(sqlite3.connect(self.var / DATABASE, timeout=20)) as connection:
+            return connection.execute(sql, values).fetchall()
+
+    def states(self, session: str) -> list[dict[str, Any]]:
+        """Every recorded state of a session, in order."""
+        chunks = self.rows("SELECT states FROM telepresence_sessions_statechunk WHERE session_id = ? ORDER BY first_stamp", session.replace("-", ""))
+        return [state for (states,) in chunks for state in json.loads(states)]
+
+    def sessions(self) -> list[tuple[Any, ...]]:
+        """(id, visitor, state, outcome) of every session, oldest first."""
+        return self.rows(
+            "SELECT s.id, u.username, s.state, s.outcome FROM telepresence_sessions_session s"
+            " JOIN accounts_user u ON u.id = s.visitor_id ORDER BY s.queued_at"
+        )
+
+    def renewal(self, robot: str) -> int:
+        """How often the lease of a robot has been renewed."""
+        sql = "SELECT l.renewal FROM telepresence_sessions_lease l JOIN robots_robot r ON r.id = l.robot_id WHERE r.name = ?"
+        return int(self.rows(sql, robot)[0][0])
+
+    def sign_in(self, name: str) -> str:
+        """Make a visitor if there is none of this name, and return the value of a session cookie that is signed in."""
+        return self.django(
+            "from importlib import import_module; from django.conf import settings; from accounts.models import User;"
+            "from django.contrib.auth import BACKEND_SESSION_KEY as B, HASH_SESSION_KEY as H, SESSION_KEY as K;"
+            f"user, _ = User.objects.get_or_create(username={name!r});"
+            "s = import_module(settings.SESSION_ENGINE).SessionStore();"
+            "s[K] = str(user.pk); s[B] = settings.AUTHENTICATION_BACKENDS[0]; s[H] = user.get_session_auth_hash(); s.save(); print(s.session_key)"
+        ).strip()
+
+    # --- its processes ---
+
+    def start(self, name: str, arguments: list[str] | None = None) -> None:
+        """Start a part; its output goes to a log in var/log."""
+        if arguments is not None:
+            self.commands[name] = arguments
+        (self.var / "log").mkdir(parents=True, exist_ok=True)
+        with (self.var / "log" / f"{name}.log").open("ab") as log:
+            self.processes[name] = subprocess.Popen(
+                [sys.executable, *self.commands[name]], cwd=ROOT, env=self.environment, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT
+            )
+
+    def log(self, name: str) -> str:
+        return (self.var / "log" / f"{name}.log").read_text(errors="replace")
+
+    def send(self, name: str, number: int) -> None:
+        self.processes[name].send_signal(number)
+
+    def stop(self, name: str, number: int = signal.SIGTERM) -> None:
+        process = self.processes.pop(name)
+        if process.poll() is None:
+            process.send_signal(number)
+            process.send_signal(signal.SIGCONT)
+        try:
+            process.wait(patient(15))
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+            raise AssertionError(f"{name} did not end: {self.log(name)[-2000:]}") from None
+
+    def succeed(self, name: str, waits: str) -> None:
+        """Start another of a part, wait until its log says that it waits, and kill the first: a busy computer takes long to start one."""
+        first = self.processes.pop(name)
+        self.start(name)
+        wait_for(lambda: waits in self.log(name), 30, f"a second {name}")
+        first.kill()
+        first.wait()
+
+    def stop_all(self) -> None:
+        problems = []
+        for name in reversed(list(self.processes)):
+            try:
+                self.stop(name)
+            except AssertionError as problem:
+                problems.append(str(problem))
+        if self.clerk is not None:
+            self.clerk.close()
+            self.clerk = None
+        assert not problems, problems
+
+    def start_servers(self) -> None:
+        """Start all three at once: whoever is there before the broker tries again."""
+        self._begin_broker()
+        self.start("session-manager", ["manage.py", "run_session_manager"])
+        self.start("web", [*DAPHNE, "-b", self.bind, "-p", str(self.web_port), APPLICATION])
+        wait_for(lambda: self.web_answers("readyz"), 30, "a server with all its parts")
+
+    def start_broker(self) -> None:
+        self._begin_broker()
+        wait_for(lambda: self.listening(self.mqtt_port), 20, "the broker")
+
+    def _begin_broker(self) -> None:
+        self.start("broker", ["manage.py", "run_broker", "--host", LOOPBACK, "--port", str(self.mqtt_port)])
+
+    def start_robot(self, name: str, *simulator: str) -> Onlooker:
+        """Start a simulated robot and its agent, each in a process of its own, and return who sees the truth of it."""
+        port = free_port()
+        self.start(f"{name}-simulator", ["-m", "robots.agent.simulator", "--profile", name, "--listen", f"{LOOPBACK}:{port}", *simulator])
+        self.start(name, ["manage.py", "run_robot", name, "--var", str(self.var), "--option", f"address={LOOPBACK}:{port}"])
+        wait_for(lambda: self.robot_is_online(name), 30, f"{name} online")
+        return Onlooker(port)
+
+    def listening(self, port: int) -> bool:
+        with socket.socket() as probe:
+            return probe.connect_ex((LOOPBACK, port)) == 0
+
+    def web_answers(self, path: str = "healthz") -> bool:
+        try:
+            with urllib.request.urlopen(f"{self.url}/{path}", timeout=2) as answer:
+                return answer.status == 200
+        except (urllib.error.URLError, OSError):
+            return False
+
+    def robot_is_online(self, name: str) -> bool:
+        """Whether its agent is there, and reaches the robot itself."""
+        reached = "connection = 'ONLINE' AND report LIKE '{%' AND report NOT LIKE '%adapter_lost: %'"
+        return bool(self.rows(f"SELECT 1 FROM robots_robot WHERE name = ? AND {reached}", name))
+
+
+@contextlib.contextmanager
+def running_site(var: Path, bind: str = LOOPBACK, **settings: str) -> Iterator[Site]:
+    """A site with its servers up and no robot; everything is ended afterwards."""
+    site = Site(var, bind=bind, settings=settings)
+    try:
+        site.prepare()
+        site.start_servers()
+        yield site
+    finally:
+        site.stop_all()

@@ -1,0 +1,72 @@
+"""What really happened, asked of a simulated robot over its read-only connection."""
+
+import socket
+from dataclasses import dataclass
+
+from robots.agent import framing
+from robots.agent.simulator import wire
+
+
+@dataclass(frozen=True)
+class Row:
+    """One step of the simulator: what it was told, what it did, where it was (robot's clock, SI units)."""
+
+    stamp: float
+    commanded_linear: float
+    commanded_angular: float
+    linear: float
+    angular: float
+    x: float
+    y: float
+    theta: float
+
+
+class Onlooker:
+    """A blocking observer of a simulator; one question, one answer."""
+
+    def __init__(self, port: int, role: wire.Role = "observer") -> None:
+        self.port = port
+        self._socket = socket.create_connection(("127.0.0.1", port), timeout=10)
+        self._ask(wire.Hello(role))
+
+    def _ask(self, question: wire.Said) -> object:
+        self._socket.sendall(framing.pack(question))
+        return wire.unpack_answer(self._read(framing.length(self._read(framing.HEADER))))
+
+    def _read(self, size: int) -> bytes:
+        data = b""
+        while len(data) < size:
+            piece = self._socket.recv(size - len(data))
+            assert piece, "the simulator is gone"
+            data += piece
+        return data
+
+    def truth(self) -> wire.Truth:
+        answer = self._ask(wire.AskTruth())
+        assert isinstance(answer, wire.Truth)
+        return answer
+
+    def history(self, seconds: float) -> list[Row]:
+        answer = self._ask(wire.AskHistory(seconds))
+        assert isinstance(answer, wire.History)
+        return [Row(*row) for row in answer.rows]
+
+    def at(self, stamp: float, seconds: float = 30.0) -> Row:
+        """Return the row nearest to a stamp."""
+        return min(self.history(seconds), key=lambda row: abs(row.stamp - stamp))
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class Fate(Onlooker):
+    """A blocking operator of a simulator."""
+
+    def __init__(self, port: int) -> None:
+        super().__init__(port, "operator")
+
+    def wish(self, wish: wire.CarryTo | wire.Break | wire.SetDoors) -> str:
+        """Let something happen; return why not, or nothing when it did."""
+        answer = self._ask(wish)
+        assert isinstance(answer, wire.Done | wire.Refused)
+        return answer.reason if isinstance(answer, wire.Refused) else ""

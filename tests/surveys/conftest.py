@@ -1,0 +1,53 @@
+"""A respondent with a questionnaire in front of them."""
+
+import pytest
+from django.urls import reverse
+
+from surveys.models import Answer, Response
+from surveys.questionnaires import store
+from surveys.responses import Context, Respondent, begin
+from tests.support.people import person
+from tests.support.questionnaires import NOW, defined
+
+
+class Taking:
+    """One respondent's way through one questionnaire over HTTP."""
+
+    def __init__(self, client, response: Response) -> None:
+        self.client, self.response = client, response
+
+    def url(self, page: int) -> str:
+        return reverse("survey_page", args=[self.response.pk, page])
+
+    def get(self, page: int | None = None):
+        return self.client.get(self.url(page) if page else reverse("survey", args=[self.response.pk]))
+
+    def send(self, page: int, shown: str, **fields):
+        """Send a whole page; `shown` names the questions on it."""
+        return self.client.post(self.url(page), {"shown": shown.split(), **fields})
+
+    def save(self, item: str, value="", **fields):
+        """Save one answer, as the page's module does."""
+        return self.client.post(reverse("survey_answer", args=[self.response.pk]), {"item": item, item: value, **fields})
+
+    def row(self) -> Response:
+        return Response.objects.get(pk=self.response.pk)
+
+    def stored(self) -> dict:
+        """Return what is stored: values, or reasons in brackets."""
+        rows = Answer.objects.filter(response=self.response)
+        return {row.item: f"({row.missing})" if row.missing else row.value for row in rows}
+
+
+@pytest.fixture
+def take(client):
+    """Begin a questionnaire as the signed-in ada."""
+
+    def make(*pages, context: Context | None = None, seed: int = 5, **more) -> Taking:
+        user = person()
+        client.force_login(user)
+        questionnaire = store(defined(*pages, **more), NOW)
+        context = context or Context(key="study/step/session", return_to="/about/", robot=("giraff",), outcome="completed")
+        return Taking(client, begin(questionnaire, Respondent(user=user), context, language="en", seed=seed, now=NOW))
+
+    return make

@@ -1,0 +1,92 @@
+"""Questionnaires in the database, and those that come with the site."""
+
+import datetime
+
+import msgspec
+import pytest
+
+from surveys.definition import from_stored
+from surveys.models import Questionnaire
+from surveys.problems import BadDefinitionError
+from surveys.questionnaires import SHIPPED, current, freeze, next_version, shipped, store
+from tests.support.questionnaires import NOW, defined, item
+
+LATER = NOW + datetime.timedelta(days=1)
+USABLE = {"ict": 8, "experience": 8, "sus": 10, "tlx": 6}
+TEMPLATES = {"godspeed": 24, "presence": 32, "simulator-sickness": 16, "social-presence": 42}
+
+
+def test_the_site_comes_with_the_papers_two_forms_sus_and_tlx_and_templates_of_others():
+    known = shipped()
+    assert {slug: sum(1 for _ in definition.questions()) for slug, definition in known.items()} == USABLE | TEMPLATES
+    assert {slug for slug, definition in known.items() if definition.template} == set(TEMPLATES)
+    assert len(list(SHIPPED.glob("*.json"))) == len(known)
+
+
+@pytest.mark.parametrize("slug", USABLE)
+def test_what_comes_with_the_site_speaks_english_and_spanish_and_names_its_source(slug):
+    definition = shipped()[slug]
+    assert definition.languages == ("en", "es")
+    assert definition.source
+    assert definition.licence
+    if slug in {"ict", "experience"}:
+        assert "reconstructed" in definition.source
+
+
+@pytest.mark.parametrize("slug", TEMPLATES)
+def test_a_template_holds_no_text_of_the_items(slug):
+    for question in shipped()[slug].questions():
+        assert "put the text here" in question.text["en"]
+
+
+def test_the_experience_form_goes_from_minus_two_to_plus_two_and_asks_for_the_photo_only_on_giraff():
+    definition = shipped()["experience"]
+    assert [point.value for point in definition.scales["agreement"]] == [-2, -1, 0, 1, 2]
+    assert definition.question("q7").item.show_if.robot == ("giraff",)
+    assert sorted(key for topic in definition.topics for key in topic.items) == [f"q{n}" for n in range(1, 9)]
+
+
+@pytest.mark.django_db
+def test_a_questionnaire_comes_into_the_database_once_and_comes_out_equal():
+    row = current("sus", NOW)
+    assert current("sus", LATER) == row
+    assert from_stored(Questionnaire.objects.get().definition) == shipped()["sus"]
+    with pytest.raises(Questionnaire.DoesNotExist):
+        current("nobody", NOW)
+
+
+@pytest.mark.django_db
+def test_a_draft_can_be_replaced_and_what_is_in_use_cannot():
+    first = store(defined([item("text", "a")]), NOW)
+    assert store(defined([item("text", "b")]), LATER).pk == first.pk
+    frozen = freeze(Questionnaire.objects.get(), NOW)
+    assert frozen.frozen_at == NOW
+    with pytest.raises(BadDefinitionError, match="in use and cannot change"):
+        store(defined([item("text", "c")]), LATER)
+    assert store(defined([item("text", "b")]), LATER) == frozen
+    assert freeze(frozen, LATER).frozen_at == NOW
+    assert [question.key for question in Questionnaire.objects.get().as_definition().questions()] == ["b"]
+
+
+@pytest.mark.django_db
+def test_a_new_version_is_a_copy_after_the_newest():
+    first = freeze(store(defined([item("text", "a")]), NOW), NOW)
+    second = next_version(first, LATER)
+    assert (second.version, second.frozen_at) == (2, None)
+    assert next_version(first, LATER).version == 3
+    assert current("test", LATER).version == 3
+
+
+@pytest.mark.django_db
+def test_a_template_cannot_be_used_until_its_text_is_filled_in():
+    row = current("godspeed", NOW)
+    with pytest.raises(BadDefinitionError, match="is a template"):
+        freeze(row, NOW)
+    assert freeze(store(msgspec.structs.replace(row.as_definition(), template=False), NOW), NOW).frozen_at == NOW
+
+
+@pytest.mark.django_db
+def test_what_is_wrong_does_not_come_into_the_database():
+    with pytest.raises(BadDefinitionError, match="no page"):
+        store(msgspec.structs.replace(shipped()["sus"], pages=()), NOW)
+    assert not Questionnaire.objects.exists()

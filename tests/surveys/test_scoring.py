@@ -1,0 +1,50 @@
+"""Scores with a rule of their own."""
+
+import pytest
+
+from surveys.questionnaires import shipped
+from surveys.scoring import scores, sus, tlx_raw
+
+
+@pytest.mark.parametrize(
+    ("answers", "score"),
+    [([5, 1] * 5, 100.0), ([1, 5] * 5, 0.0), ([3] * 10, 50.0), ([4, 2, 4, 2, 4, 2, 4, 2, 4, 2], 75.0), ([5, 2, 4, 1, 3, 3, 5, 2, 4, 1], 80.0)],
+)
+def test_sus_counts_odd_items_up_and_even_items_down(answers, score):
+    assert sus(answers) == score
+
+
+def test_the_raw_tlx_is_the_mean_of_six_scales():
+    assert tlx_raw([10, 20, 30, 40, 50, 60]) == 35.0
+
+
+def test_a_missing_answer_leaves_no_score():
+    assert sus([3] * 9 + [None]) is None
+    assert tlx_raw([10.0] * 5 + [None]) is None
+
+
+@pytest.mark.parametrize("wrong", [[3] * 9, [3] * 9 + [6], [3] * 9 + [0]])
+def test_sus_of_anything_else_is_an_error(wrong):
+    with pytest.raises(ValueError, match="SUS"):
+        sus(wrong)
+
+
+@pytest.mark.parametrize("wrong", [[50] * 5, [50] * 5 + [101], [50] * 5 + [-1]])
+def test_tlx_of_anything_else_is_an_error(wrong):
+    with pytest.raises(ValueError, match="TLX"):
+        tlx_raw(wrong)
+
+
+def test_a_questionnaire_scores_its_responses_by_its_own_rule():
+    known = shipped()
+    assert scores(known["sus"], {f"sus{n}": 3 for n in range(1, 11)}) == {"sus": 50.0}
+    assert scores(known["tlx"], {"mental": 10}) == {"tlx_raw": None}
+    assert scores(known["ict"], {"computer": 4}) == {}
+    experience = scores(known["experience"], {"q1": 2, "q2": 1, "q4": -1, "q7": None})
+    assert experience == {
+        "score": pytest.approx(2 / 3),
+        "score_teleoperation": 1.5,
+        "score_load": -1,
+        "score_complexity": None,
+        "score_interface": None,
+    }
