@@ -23,6 +23,7 @@ from tests.support.truth import Fate
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 QUIET = ("--no-camera", "--start", "corridor-centre")
+ONE_STATE = 0.02  # s between two states
 TOLERANCE = 0.12  # of a busy machine; the bound itself is watchdog + braking
 
 
@@ -80,16 +81,17 @@ def test_after_its_driver_is_gone_for_good_the_process_ends_but_not_before_it_st
     with simulator(*QUIET, "--linger", "0.05") as robot:
         with driving_agent(robot.address) as agent:
             onlooker = robot.onlooker()
+            seen = [onlooker.truth()]
             agent.kill()
-            seen = []
             try:
                 while True:
                     seen.append(onlooker.truth())
             except (AssertionError, OSError):
-                pass  # it has ended
+                ended = time.time()
         assert robot.process.wait(timeout=40) == 0
         assert seen[0].linear > 0.2
-        assert seen[-1].linear < 0.05  # the step after stood, and was the last
+        still_braked = seen[-1].linear / GIRAFF.limits.linear_braking  # after the last look, which may be early on a busy machine
+        assert ended >= seen[-1].stamp + still_braked - ONE_STATE
 
 
 def test_a_child_of_a_killed_agent_ends_by_itself_and_leaves_no_memory() -> None:
