@@ -1,4 +1,4 @@
-"""The child processes of the demo: started in order, watched, and never left behind."""
+"""The child processes of the demo: started side by side, watched, and never left behind."""
 
 import contextlib
 import ctypes
@@ -7,9 +7,11 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 PR_SET_PDEATHSIG = 1
 STOP_SECONDS = 8.0
@@ -39,6 +41,14 @@ class Child:
         return lines[-1] if lines else "it said nothing"
 
 
+class Part(NamedTuple):
+    """What is to be started: a Python child, and how it shows that it is ready."""
+
+    name: str
+    arguments: list[str]
+    ready: Callable[[], bool]
+
+
 @dataclass
 class Children:
     """All of them, in order of their start."""
@@ -47,12 +57,8 @@ class Children:
     environment: dict[str, str]
     running: list[Child] = field(default_factory=list)
 
-    def start(self, name: str, arguments: list[str], ready: Callable[[], bool], *, within: float = 30.0) -> Child:
-        """Start a Python child and wait until `ready()` says yes.
-
-        Raises:
-            StartFailed: it ended, or was not ready within that many seconds.
-        """
+    def start(self, name: str, arguments: list[str]) -> Child:
+        """Start a Python child, its output in a log file of its name."""
         self.log_dir.mkdir(parents=True, exist_ok=True)
         log = self.log_dir / f"{name.replace(' ', '-')}.log"
         with log.open("wb") as output:
@@ -67,13 +73,31 @@ class Children:
             )
         child = Child(name, process, log)
         self.running.append(child)
-        self._wait(child, ready, time.monotonic() + within)
         return child
+
+    def start_together(
+        self, parts: Iterable[Part], *, within: float = 30.0, step: Callable[[str], AbstractContextManager[None]] = contextlib.nullcontext
+    ) -> None:
+        """Start parts that look for each other until they find one another, and wait for each in turn.
+
+        Args:
+            parts: in the order in which they are ended last.
+            within: seconds that each may need after the one before it is ready.
+            step: entered with a part's name while it is waited for.
+
+        Raises:
+            StartFailed: one ended, or was not ready in time.
+        """
+        started = [(self.start(part.name, part.arguments), part.ready) for part in parts]
+        for child, ready in started:
+            with step(child.name):
+                self._wait(child, ready, time.monotonic() + within)
 
     def _wait(self, child: Child, ready: Callable[[], bool], deadline: float) -> None:
         while not ready():
-            if child.process.poll() is not None:
-                raise StartFailed(f"The {child.name} ended at once: {child.last_words()} (its log: {child.log})")
+            gone = self.ended()
+            if gone is not None:
+                raise StartFailed(f"The {gone.name} ended at once: {gone.last_words()} (its log: {gone.log})")
             if time.monotonic() > deadline:
                 raise StartFailed(f"The {child.name} was not ready in time: {child.last_words()} (its log: {child.log})")
             time.sleep(0.05)

@@ -9,7 +9,7 @@ import sys
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +23,7 @@ from experiments.publishing import NotPublishableError
 from robots.models import Robot
 from sessions.models import ManagerBeat
 from telepresence_site.demo import lan
-from telepresence_site.demo.children import Children, StartFailed
+from telepresence_site.demo.children import Children, Part, StartFailed
 from telepresence_site.demo.seed import RESEARCHER, ROBOTS, seed
 from telepresence_site.demo.study import publish_study
 from telepresence_site.serving import APPLICATION, DAPHNE
@@ -145,16 +145,20 @@ class Demo:
             shutil.rmtree(var / name, ignore_errors=True)
 
     def start(self) -> None:
-        """Start every process, each when the one before is ready."""
+        """Start every process, and publish the study when the robots have said what they are."""
         began = timezone.now()
         mqtt_port = int(self.mqtt_url.rpartition(":")[2])
         manage = str(settings.BASE_DIR / "manage.py")
-        self._child("broker", [manage, "run_broker", "--host", LOOPBACK, "--port", str(mqtt_port)], lambda: listening(mqtt_port))
-        self._child("session manager", [manage, "run_session_manager"], lambda: ManagerBeat.objects.filter(beat_at__gte=began).exists())
-        self._child("web server", self._daphne(), self._web_answers)
+        parts = [
+            Part("broker", [manage, "run_broker", "--host", LOOPBACK, "--port", str(mqtt_port)], lambda: listening(mqtt_port)),
+            Part("session manager", [manage, "run_session_manager"], lambda: ManagerBeat.objects.filter(beat_at__gte=began).exists()),
+            Part("web server", self._daphne(), self._web_answers),
+        ]
         for name, title, *_ in ROBOTS:
-            self._child(f"simulated {title}", [manage, "run_robot", name, *COMPANY.get(name, [])], lambda name=name: self._robot_is_online(name))
-        self.children.start("practice", [manage, "run_practice"], lambda: True)  # its robots come when somebody waits
+            run_robot = [manage, "run_robot", name, *COMPANY.get(name, [])]
+            parts.append(Part(f"simulated {title}", run_robot, lambda name=name: self._robot_is_online(name)))
+        self.children.start_together(parts, step=step)
+        self.children.start("practice", [manage, "run_practice"])  # its robots come when somebody waits
         with step("a study, ready to take part in"):
             self._publish()
 
@@ -163,10 +167,6 @@ class Demo:
             self.study = publish_study(timezone.now())
         except NotPublishableError as error:
             raise DemoError(f"The demo's study cannot be published: {error}") from error
-
-    def _child(self, name: str, arguments: list[str], ready: Callable[[], bool]) -> None:
-        with step(name):
-            self.children.start(name, arguments, ready)
 
     def _daphne(self) -> list[str]:
         if not self.options.lan:

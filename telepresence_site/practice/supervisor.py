@@ -75,7 +75,7 @@ class Supervisor:
             log.info("practice_robot_again robot=%s last_words=%s", name, child.last_words())
             self._children.end(child)
         log.info("practice_robot_started robot=%s", name)
-        self._running[name] = self._children.start(name, self._command(name), lambda: True), time.time()
+        self._running[name] = self._children.start(name, self._command(name)), time.time()
 
     def _stop(self, name: str) -> None:
         log.info("practice_robot_stopped robot=%s", name)

@@ -11,7 +11,6 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 
 from django.conf import settings
@@ -29,7 +28,7 @@ from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan, Robot
 from sessions.models import ManagerBeat
 from surveys.models import Questionnaire as QuestionnaireRow
-from telepresence_site.demo.children import Children, StartFailed
+from telepresence_site.demo.children import Children, Part, StartFailed
 from telepresence_site.demo.seed import OFFICE
 from telepresence_site.serving import APPLICATION, DAPHNE
 
@@ -118,17 +117,19 @@ def running(definition: Definition, sites: Path) -> Iterator[str]:
 
 
 def _start(children: Children, definition: Definition, sites: Path) -> str:
-    start = partial(children.start, within=START_SECONDS)
     manage = str(settings.BASE_DIR / "manage.py")
     mqtt_port, web_port = int(settings.MQTT_URL.rpartition(":")[2]), _free_port()
-    start("broker", [manage, "run_broker", "--host", LOOPBACK, "--port", str(mqtt_port)], lambda: _listens(mqtt_port))
-    start("session manager", [manage, "run_session_manager"], ManagerBeat.objects.exists)
     site = f"http://{LOOPBACK}:{web_port}"
-    start("web server", [*DAPHNE, "-b", LOOPBACK, "-p", str(web_port), APPLICATION], lambda: _answers(site))
+    parts = [
+        Part("broker", [manage, "run_broker", "--host", LOOPBACK, "--port", str(mqtt_port)], lambda: _listens(mqtt_port)),
+        Part("session manager", [manage, "run_session_manager"], ManagerBeat.objects.exists),
+        Part("web server", [*DAPHNE, "-b", LOOPBACK, "-p", str(web_port), APPLICATION], lambda: _answers(site)),
+    ]
     for name, (series, plan) in _robots(definition).items():
         where = plan if plan in shipped_sites() else str(sites / plan)
         options = [f"--option={key}={value}" for key, value in (("plan", where), ("fps", FPS))]
-        start(f"simulated {name}", [manage, "run_robot", name, "--profile", series, *options], _online(name))
+        parts.append(Part(f"simulated {name}", [manage, "run_robot", name, "--profile", series, *options], _online(name)))
+    children.start_together(parts, within=START_SECONDS)
     return site
 
 

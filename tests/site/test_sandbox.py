@@ -16,7 +16,7 @@ def test_a_part_that_ends_meanwhile_fails_the_play_with_its_last_words(tmp_path,
 
     def start(children, _definition, _sites):
         started.append(children)
-        children.start("web server", ["-c", "print('no memory left'); raise SystemExit(3)"], lambda: True)
+        children.start("web server", ["-c", "print('no memory left'); raise SystemExit(3)"])
         return "http://127.0.0.1:1"
 
     monkeypatch.setattr(sandbox, "_start", start)

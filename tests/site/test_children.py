@@ -1,0 +1,50 @@
+"""Parts that are started side by side: each is waited for in turn, and one that ends is named whoever is waited for."""
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from telepresence_site.demo.children import Children, Part, StartFailed
+
+LIVE = "import time; time.sleep(600)"
+
+
+@pytest.fixture
+def children(tmp_path: Path) -> Iterator[Children]:
+    family = Children(tmp_path / "log", dict(os.environ))
+    yield family
+    family.stop()
+
+
+def touching(path: Path) -> list[str]:
+    return ["-c", f"import pathlib; pathlib.Path({str(path)!r}).touch(); {LIVE}"]
+
+
+def test_a_part_that_waits_for_a_later_one_finds_it(children, tmp_path):
+    """Started one after the other, the first would wait for ever."""
+    first, second = tmp_path / "first", tmp_path / "second"
+    waiting = ["-c", f"import pathlib, time\nwhile not pathlib.Path({str(second)!r}).exists(): time.sleep(0.01)\n" + touching(first)[1]]
+    steps = []
+
+    @contextlib.contextmanager
+    def step(name: str) -> Iterator[None]:
+        yield
+        steps.append(name)
+
+    children.start_together([Part("first", waiting, first.exists), Part("second", touching(second), second.exists)], within=60, step=step)
+    assert steps == ["first", "second"]
+    assert [child.name for child in children.running] == ["first", "second"]
+
+
+def test_a_part_that_ends_is_named_though_another_is_waited_for(children):
+    parts = [Part("broker", ["-c", LIVE], lambda: False), Part("web server", ["-c", "print('port taken'); raise SystemExit(1)"], lambda: True)]
+    with pytest.raises(StartFailed, match=r"The web server ended at once: port taken"):
+        children.start_together(parts, within=60)
+
+
+def test_a_part_that_is_never_ready_is_named_with_its_last_words(children):
+    with pytest.raises(StartFailed, match="The broker was not ready in time"):
+        children.start_together([Part("broker", ["-c", LIVE], lambda: False)], within=0.2)
