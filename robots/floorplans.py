@@ -1,6 +1,5 @@
-"""Floor plans in the database: taken from a site's folder or an upload, and told to robots."""
+"""Floor plans in the database: taken from a site's folder or an upload."""
 
-import base64
 import hashlib
 import json
 import re
@@ -12,7 +11,6 @@ from robots.agent.world.grid import MapError, OccupancyGrid, encode_png, load_gr
 from robots.agent.world.inspection import inspect_site
 from robots.api import floorplan
 from robots.api.floorplan import FloorPlanError
-from robots.api.messages import FloorPlanUpdate
 from robots.models import FloorPlan
 
 # base64 of the image must fit into a FloorPlanUpdate, and both of them into its topic.
@@ -159,18 +157,3 @@ def _problems(name: str, title: str, grid: OccupancyGrid, image: bytes, plan: fl
     if plan is not None and not found:
         found += [f"{problem[0].upper()}{problem[1:]}." for problem in inspect_site(plan, grid)]
     return found
-
-
-def floor_plan_update(plan: FloorPlan) -> FloorPlanUpdate:
-    """Return the message that tells a robot its map; retained on its `floorplan` topic."""
-    return FloorPlanUpdate(
-        map_id=plan.name,
-        sha256=plan.sha256,
-        resolution=plan.resolution,
-        origin=(plan.origin_x, plan.origin_y, plan.origin_theta),
-        negate=plan.negate,
-        occupied_thresh=plan.occupied_thresh,
-        free_thresh=plan.free_thresh,
-        image=base64.b64encode(bytes(plan.image)).decode(),
-        plan=plan.plan or None,
-    )

@@ -1,5 +1,6 @@
 """Robots, the places where they drive, and who may drive them."""
 
+import base64
 import datetime
 import uuid
 
@@ -8,6 +9,7 @@ from django.core.validators import MaxValueValidator, MinValueValidator, RegexVa
 from django.db import models
 from django.utils.translation import gettext_lazy as _
 
+from robots.api.messages import FloorPlanUpdate
 from robots.api.topics import RESERVED_NAMES, ROBOT_NAME
 
 ONLINE_SECONDS = 15.0
@@ -47,6 +49,20 @@ class FloorPlan(models.Model):
 
     def __str__(self) -> str:
         return self.title
+
+    def as_message(self) -> FloorPlanUpdate:
+        """Return what tells a robot its map; retained on its `floorplan` topic."""
+        return FloorPlanUpdate(
+            map_id=self.name,
+            sha256=self.sha256,
+            resolution=self.resolution,
+            origin=(self.origin_x, self.origin_y, self.origin_theta),
+            negate=self.negate,
+            occupied_thresh=self.occupied_thresh,
+            free_thresh=self.free_thresh,
+            image=base64.b64encode(bytes(self.image)).decode(),
+            plan=self.plan or None,
+        )
 
 
 class Robot(models.Model):

@@ -14,7 +14,6 @@ import msgspec
 from robots.api import codec, topics
 from robots.api.floorplan import DoorState
 from robots.api.messages import Config
-from robots.floorplans import floor_plan_update
 from robots.models import FloorPlan, Robot
 from sessions import terms
 from sessions.models import Lease, Session
@@ -57,7 +56,7 @@ class StandingOrders:
                 letters.append(_retained(robot.name, "config", codec.encode(_stamped(config, now))))
             if sha256 and told.floor_plan != f"{sha256} {plan}":
                 told.floor_plan = f"{sha256} {plan}"
-                update = floor_plan_update(FloorPlan.objects.get(pk=robot.floor_plan_id))
+                update = FloorPlan.objects.get(pk=robot.floor_plan_id).as_message()
                 letters.append(_retained(robot.name, "floorplan", codec.encode(update)))
         return letters
 

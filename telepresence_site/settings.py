@@ -29,7 +29,7 @@ INSTALLED_APPS = [
     "surveys",
     "experiments",
     "telepresence_site",
-    "django.contrib.admin",
+    "telepresence_site.administration.AdminConfig",
     "django.contrib.auth",
     "django.contrib.contenttypes",
     "django.contrib.sessions",

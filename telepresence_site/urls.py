@@ -7,6 +7,7 @@ from django.urls import include, path
 
 from telepresence_site import health, metrics, pages
 
+admin.autodiscover()
 # One way in, whose attempts are counted: the administration's own form would let anybody guess for ever.
 admin.site.login = secure_admin_login(admin.site.login)  # type: ignore[method-assign]
 

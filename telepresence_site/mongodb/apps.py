@@ -1,10 +1,10 @@
 """Apps of others, with keys that MongoDB makes."""
 
 from allauth.account.apps import AccountConfig as Account
-from django.contrib.admin.apps import AdminConfig as Admin
 from django.contrib.auth.apps import AuthConfig as Auth
 from django.contrib.contenttypes.apps import ContentTypesConfig as ContentTypes
 
+from telepresence_site.administration import AdminConfig as Admin
 from telepresence_site.mongodb import KEY
 
 

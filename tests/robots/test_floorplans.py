@@ -11,7 +11,7 @@ from robots.agent.world.grid import encode_png
 from robots.agent.world.sites import SHIPPED
 from robots.api import floorplan
 from robots.api.codec import decode, encode
-from robots.floorplans import FloorPlanRefusedError, floor_plan_update, read_upload, store_floor_plan
+from robots.floorplans import FloorPlanRefusedError, read_upload, store_floor_plan
 from robots.models import FloorPlan
 
 pytestmark = pytest.mark.django_db
@@ -40,7 +40,7 @@ def test_the_office_is_stored_and_stored_again_under_its_name():
 
 def test_a_robot_is_told_the_map_in_a_message_that_it_can_read():
     plan = store_floor_plan(OFFICE)
-    message = decode("floorplan", encode(floor_plan_update(FloorPlan.objects.get())))
+    message = decode("floorplan", encode(FloorPlan.objects.get().as_message()))
     assert message.map_id == "office"
     assert message.origin == (plan.origin_x, plan.origin_y, plan.origin_theta)
     assert hashlib.sha256(base64.b64decode(message.image)).hexdigest() == message.sha256
@@ -49,7 +49,7 @@ def test_a_robot_is_told_the_map_in_a_message_that_it_can_read():
 
 def test_a_robot_is_told_a_map_without_a_plan():
     row = store_upload(YAML, image(), None, name="lab", title="The lab")
-    assert decode("floorplan", encode(floor_plan_update(row))).plan is None
+    assert decode("floorplan", encode(row.as_message())).plan is None
 
 
 def test_a_map_without_a_plan_is_stored_under_the_name_that_is_given():

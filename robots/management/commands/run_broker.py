@@ -22,6 +22,7 @@ class Command(BaseCommand):
     """Run Mosquitto when it is installed, and the embedded broker otherwise."""
 
     help = "Run the MQTT broker: Mosquitto when it is installed, the embedded one otherwise. Port 0 takes a free one."
+    requires_system_checks: list[str] = ["telepresence", "security"]  # of the settings; to check every page takes a second
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("--host", default="127.0.0.1", help="address to listen on (127.0.0.1)")

@@ -20,6 +20,7 @@ class Command(BaseCommand):
     """Keeps the time of all sessions, and records them."""
 
     help = "Run the session manager: leases, queue, time limits, presence and the record of every session."
+    requires_system_checks: list[str] = ["telepresence", "security"]  # of the settings; to check every page takes a second
 
     def handle(self, *_args: Any, **_options: Any) -> None:
         # The loop reads its socket byte by byte and gives the interpreter away each time; by default the recorder's thread then keeps

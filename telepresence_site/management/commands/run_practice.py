@@ -15,6 +15,7 @@ class Command(BaseCommand):
     """Run up to PRACTICE_ROBOTS simulated robots, each only when somebody may want it, until Ctrl-C."""
 
     help = "Run simulated robots in which visitors practise while they wait for a real one (PRACTICE_ROBOTS says how many at once)."
+    requires_system_checks: list[str] = ["telepresence", "security"]  # of the settings; to check every page takes a second
 
     def handle(self, *_args: Any, **_options: Any) -> None:
         if settings.PRACTICE_ROBOTS < 1:
