@@ -7,12 +7,13 @@ import contextlib
 import os
 import pwd
 import shutil
-import socket
 import subprocess
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+
+from tests.support.site import free_port
 
 OWNER = "postgres"
 PROGRAMS = Path("/usr/lib/postgresql")
@@ -67,9 +68,7 @@ def running_postgres() -> Iterator[Postgres]:
     directory = Path(tempfile.mkdtemp(prefix="telepresence-postgres-"))
     if os.geteuid() == 0:
         shutil.chown(directory, OWNER)
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        server = Postgres(directory, probe.getsockname()[1])
+    server = Postgres(directory, free_port())
     try:
         _run(program("initdb"), "-D", server.data, "-U", OWNER, "--auth=trust", "-E", "UTF8", "--no-sync", cwd=directory)
         server.start()

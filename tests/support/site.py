@@ -3,8 +3,10 @@
 import atexit
 import contextlib
 import functools
+import itertools
 import json
 import os
+import random
 import shutil
 import signal
 import socket
@@ -30,12 +32,27 @@ ROOT = Path(__file__).resolve().parents[2]
 LOOPBACK = "127.0.0.1"
 DEMO_TOKEN = "tests-only"
 DATABASE = "telepresence.sqlite3"
+# Below those that the system gives to whoever asks for any: one of these would be somebody else's before the program listens that it is for.
+LOWEST_PORT, PORTS, SHARES = 20_000, 12_000, 8
+
+
+def _ports() -> Iterator[int]:
+    """Numbers of ports, each a long time before it comes again. Tests that run beside these have another share of them."""
+    each, worker = PORTS // SHARES, int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+    first, begun = LOWEST_PORT + worker % SHARES * each, random.SystemRandom().randrange(each)
+    return (first + (begun + number) % each for number in itertools.count())
+
+
+_NEXT_PORT = _ports()
 
 
 def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind((LOOPBACK, 0))
-        return probe.getsockname()[1]
+    """Return a port on which nobody listens, and which nobody else is told who asks here."""
+    for port in _NEXT_PORT:
+        with contextlib.suppress(OSError), socket.socket() as probe:
+            probe.bind((LOOPBACK, port))
+            return port
+    raise AssertionError("there is always another")
 
 
 def wait_for(condition: Callable[[], T], within: float, what: str) -> T:
