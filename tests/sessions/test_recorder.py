@@ -86,7 +86,7 @@ def test_rows_are_kept_while_the_database_is_away_and_written_when_it_is_back(se
     wait_until(lambda: database.refused >= 2)
     assert stored(session) == []
     database.away.clear()
-    assert recorder.stop(20)
+    assert recorder.stop(patient(10))
     assert stored(session) == list(range(1, 101))
 
 
@@ -108,7 +108,7 @@ def test_a_full_buffer_counts_what_it_drops_and_the_ledger_misses_it(session, mo
     clock[0] = NOW + 41 * 0.25 + 2.0
     wait_until(lambda: asked)
     assert asked[0] == ("giraff", "b", 22, 40)
-    assert recorder.stop(20)
+    assert recorder.stop(patient(10))
     assert stored(session) == [*range(1, 22), 41]
 
 
@@ -117,7 +117,7 @@ def test_stopping_writes_what_is_there(session):
     recorder.start()
     for seq in range(1, 4):
         recorder.put(state_item(session, seq))
-    assert recorder.stop(10)
+    assert recorder.stop(patient(10))
     assert stored(session) == [1, 2, 3]
 
 

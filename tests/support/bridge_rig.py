@@ -103,7 +103,7 @@ class SocketPage(Expecting):
             small.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8192)
             small.setblocking(False)
             await asyncio.get_running_loop().sock_connect(small, (LOOPBACK, self.port))
-            self.options |= {"sock": small, "max_queue": 1}
+            self.options |= {"sock": small, "max_queue": 1, "ping_interval": None}  # nor an answer to its own pings
         self.socket = await connect(self.url, **self.options)
         return self
 
