@@ -23,13 +23,17 @@ from tests.support.study_site import cabin_with_giraff, robot_at
 from tests.support.task_drives import track
 
 pytestmark = pytest.mark.django_db
-NOW = timezone.now()
+
+
+def heard_of() -> None:
+    """The robots are online, for longer than any test takes."""
+    Robot.objects.update(connection="ONLINE", last_seen_at=timezone.now() + datetime.timedelta(hours=1))
 
 
 @pytest.fixture
 def robot():
     cabin_with_giraff()
-    Robot.objects.update(connection="ONLINE", last_seen_at=NOW + datetime.timedelta(hours=1))
+    heard_of()
     return Robot.objects.get(name="giraff")
 
 
@@ -255,7 +259,7 @@ def test_a_draft_is_for_pilots_and_bots(robot, study):
 
 def test_another_series_of_robots_is_none_of_the_studys(robot, study):
     rhodon = robot_at(robot.floor_plan, "rhodon", "rhodon")
-    Robot.objects.update(connection="ONLINE", last_seen_at=NOW + datetime.timedelta(hours=1))
+    heard_of()
     participant = p.comer(study, person("ada"))
     assert take(rhodon, participant.user).terms == terms.FREE
 
