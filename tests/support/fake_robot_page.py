@@ -36,6 +36,7 @@ from robots.api import codec, floorplan, picture
 from robots.api import messages as m
 from robots.api.errors import Rejection
 from sessions import wire
+from tests.support.patience import patient
 from tests.support.scene_source import SceneSource
 from tests.support.synthetic_camera import SyntheticCamera
 
@@ -99,7 +100,7 @@ class FakeRobotPage:
     def __enter__(self) -> Self:
         self.media.start()
         self._thread.start()
-        assert self._ready.wait(10)
+        assert self._ready.wait(patient(10))
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 
 from websockets.sync.client import connect
 
+from tests.support.patience import patient
 from tests.support.site import wait_for
 
 FIREFOX = "/usr/bin/firefox-esr"
@@ -94,4 +95,4 @@ def firefox() -> Iterator[Firefox]:
             browser.close()
         finally:
             process.terminate()
-            process.wait(20)
+            process.wait(patient(20))

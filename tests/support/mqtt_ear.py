@@ -29,7 +29,7 @@ class Ear:
 
     def __enter__(self):
         self._client.loop_start()
-        assert self._subscribed.wait(10.0)
+        assert self._subscribed.wait(patient(10.0))
         return self
 
     def __exit__(self, *_):
@@ -48,7 +48,7 @@ class Ear:
 
     def say(self, suffix, message, *, retain=False, raw=None):
         payload = raw if raw is not None else b"" if message is None else codec.encode(message)
-        self._client.publish(topics.of(self.robot, suffix), payload, qos=1, retain=retain).wait_for_publish(10.0)
+        self._client.publish(topics.of(self.robot, suffix), payload, qos=1, retain=retain).wait_for_publish(patient(10.0))
 
     def all(self, suffix):
         with self._news:

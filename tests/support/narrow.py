@@ -6,6 +6,8 @@ import socket
 import threading
 from typing import Self
 
+from tests.support.patience import patient
+
 PIECE = 1024
 BUFFER = 8192
 
@@ -22,7 +24,7 @@ class Narrow:
 
     def __enter__(self) -> Self:
         self._thread.start()
-        assert self._ready.wait(5)
+        assert self._ready.wait(patient(5))
         return self
 
     def __exit__(self, *_: object) -> None:

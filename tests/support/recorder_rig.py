@@ -76,7 +76,7 @@ class Mosquitto:
     def stop(self) -> None:
         if self.process is not None:
             self.process.terminate()
-            self.process.wait(10)
+            self.process.wait(patient(10))
             self.process = None
 
 
@@ -267,11 +267,11 @@ class ManagerProcess:
 
     def kill(self) -> None:
         self.process.kill()
-        self.process.wait(10)
+        self.process.wait(patient(10))
 
     def stop(self) -> str:
         """End it properly, if it still runs, and return what it said."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
-        self.process.wait(30)
+        self.process.wait(patient(15))
         return self.output

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from robots.agent import framing
 from robots.agent.simulator import wire
+from tests.support.patience import patient
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class Onlooker:
 
     def __init__(self, port: int, role: wire.Role = "observer") -> None:
         self.port = port
-        self._socket = socket.create_connection(("127.0.0.1", port), timeout=10)
+        self._socket = socket.create_connection(("127.0.0.1", port), timeout=patient(10))
         self._ask(wire.Hello(role))
 
     def _ask(self, question: wire.Said) -> object:
