@@ -7,6 +7,7 @@ import asyncio
 import sys
 import threading
 
+from robots.agent.adapters import simulator
 from robots.agent.adapters.registry import create
 from robots.api.messages import Velocity
 
@@ -38,4 +39,5 @@ async def drive(address: str, linear: float, media: bool) -> None:
 
 
 if __name__ == "__main__":
+    simulator.SILENCE = 30.0  # it is stopped and let go on, and its robot may have to wait for the processor: neither is a robot that is gone
     asyncio.run(drive(sys.argv[1], float(sys.argv[2]), sys.argv[3] == "media"))

@@ -7,7 +7,8 @@ program does beyond that: on an idle computer the bound itself.
 import contextlib
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import pairwise
 
 STEP = 0.005
 AROUND = 0.1  # s before and after that count as well
@@ -34,6 +35,11 @@ class Lateness:
             if late > STEP:
                 now = time.time()
                 self._late = [(at, value) for at, value in self._late if now - at < KEPT] + [(now, late)]
+
+
+def pauses(stamps: Iterable[float], usual: float) -> float:
+    """Return the seconds for which another process was kept waiting: what is missing between its stamps, `usual` apart at most."""
+    return sum(max(0.0, after - before - usual) for before, after in pairwise(stamps))
 
 
 @contextlib.contextmanager

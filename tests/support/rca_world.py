@@ -16,6 +16,7 @@ from robots.agent.simulator.profiles import model_of
 from robots.agent.simulator.simulation import Simulation
 from robots.agent.world.sites import load_plan
 from robots.api.geometry import Pose2D, wrap_angle
+from tests.support.patience import patient
 
 TICK = 0.02
 NEAR = 0.12
@@ -143,7 +144,7 @@ class RcaRig:
         return registry.create(self.adapter_name, self.world.series, {**self.options(), **options})
 
     def call(self, work, within=15.0):
-        return asyncio.run_coroutine_threadsafe(work, self.loop).result(within)
+        return asyncio.run_coroutine_threadsafe(work, self.loop).result(patient(within))
 
     def revive(self):
         self.call(self._up())

@@ -15,10 +15,12 @@ import pytest
 from robots.agent.adapters.contract import Adapter, AdapterError, RcaState
 from robots.agent.pixels import video_frame
 from robots.api.messages import Config, Goto, Tilt, Velocity
-from tests.support.lateness import Lateness, watched
+from tests.support.lateness import Lateness, pauses, watched
 from tests.support.patience import patient
 
 STILL = Velocity(linear=0.0, angular=0.0)
+LONGEST_DELAY = 1.5  # s that a busy machine keeps one of several processes waiting
+SELDOM = 0.1  # s between two states, at most
 
 
 async def some(states: AsyncIterator[RcaState], count: int) -> list[RcaState]:
@@ -54,12 +56,17 @@ def stands(state: RcaState) -> bool:
     return abs(state.velocity.linear) < 0.005 and abs(state.velocity.angular) < 0.005
 
 
+@pytest.mark.usefixtures("patient_adapters")
 class AdapterConformance:
     """Subclass me."""
 
     @abstractmethod
     def make(self) -> Adapter:
         """Return a new adapter of a robot that stands where it can drive a metre ahead."""
+
+    def obeyed_at(self, adapter: Adapter) -> float:
+        """Return when the last velocity that moves reached the robot, Unix seconds; 0 where nobody knows."""
+        return 0.0
 
     @pytest.fixture
     def computer(self) -> Iterator[Lateness]:
@@ -101,14 +108,18 @@ class AdapterConformance:
         now = time.time()
         assert (now - begun) / 20 < 0.25 + computer.excuse(begun, now)
         assert all(b.stamp > a.stamp for a, b in pairwise(states))
-        assert abs(states[-1].stamp - now) < 0.5 + computer.excuse(begun, now)
+        assert abs(states[-1].stamp - now) < patient(0.5) + computer.excuse(begun, now)
         assert 0.0 <= states[-1].battery.charge <= 1.0
 
     async def test_it_moves_as_it_is_told_and_says_what_it_sent(self, adapter: Adapter) -> None:
         start = (await some(adapter.states(), 1))[0]
         assert adapter.apply(Velocity(linear=0.2, angular=0.0)) == Velocity(linear=0.2, angular=0.0)
-        moved = await drive(adapter, Velocity(linear=0.2, angular=0.0), lambda s: s.distance > start.distance + 0.17)
-        assert moved.velocity.linear == pytest.approx(0.2, abs=0.05)
+
+        # Whoever is late in saying it is braked by the watchdog meanwhile, and begins again.
+        def goes_steadily(state: RcaState) -> bool:
+            return state.distance > start.distance + 0.17 and abs(state.velocity.linear - 0.2) < 0.05
+
+        await drive(adapter, Velocity(linear=0.2, angular=0.0), goes_steadily)
 
     async def test_it_never_sends_more_than_its_limits(self, adapter: Adapter) -> None:
         limits = adapter.profile.limits
@@ -125,8 +136,11 @@ class AdapterConformance:
         await drive(adapter, Velocity(linear=0.2, angular=0.0), lambda s: s.velocity.linear > 0.15)
         adapter.apply(Velocity(linear=0.2, angular=0.0))
         silent = time.time()
-        stood = await wait_for(adapter, stands, 5.0)
-        assert stood.stamp - silent <= adapter.profile.watchdog + 0.2 / limits.linear_braking + 0.25 + computer.excuse(silent, stood.stamp)
+        seen: list[RcaState] = []
+        stood = await wait_for(adapter, lambda s: seen.append(s) or stands(s), 5.0)
+        kept_waiting = max(0.0, self.obeyed_at(adapter) - silent) + pauses((state.stamp for state in seen), SELDOM)
+        excuse = computer.excuse(silent, stood.stamp) + min(kept_waiting, LONGEST_DELAY)
+        assert stood.stamp - silent <= adapter.profile.watchdog + 0.2 / limits.linear_braking + 0.25 + excuse
 
     async def test_an_action_that_it_cannot_do_is_refused_with_a_sentence(self, adapter: Adapter) -> None:
         if "goto" in adapter.profile.capabilities:
@@ -178,7 +192,7 @@ class AdapterConformance:
         source.stop()
         assert all(video_frame(frame).to_ndarray(format="rgb24").shape == (camera.height, camera.width, 3) for frame in frames)
         assert all(b.stamp > a.stamp for a, b in pairwise(frames))
-        assert abs(frames[-1].stamp - now) < 1.0 + computer.excuse(begun, now)
+        assert abs(frames[-1].stamp - now) < patient(1.0) + computer.excuse(begun, now)
         assert frames[0].image.std() > 5
         assert await asyncio.to_thread(source.read, 0.05) is None
 

@@ -80,8 +80,7 @@ class RcaConformance(AdapterConformance):
             yield rig
 
     @pytest.fixture(autouse=True)
-    def _fresh(self, shared_rig, monkeypatch) -> Iterator[None]:
-        monkeypatch.setattr(remote, "FIRST_READING", 1.5)
+    def _fresh(self, shared_rig) -> Iterator[None]:
         self.rig = shared_rig
         shared_rig.reset()
         yield
@@ -91,6 +90,20 @@ class RcaConformance(AdapterConformance):
     def make(self) -> Adapter:
         return self.rig.adapter()
 
+    def obeyed_at(self, adapter: Adapter) -> float:
+        moves = [at for at, linear, angular in self.rig.world.commands if linear or angular]
+        return moves[-1] + time.time() - time.monotonic() if moves else 0.0
+
+    def error_of(self, state: RcaState) -> tuple[float, float]:
+        """Return how far a state is from the truth, metres and radians: as the robot counted, or as it knows where it is."""
+        told = state.odometry or Pose2D(state.pose.x, state.pose.y, state.pose.theta)
+        really = self.rig.world.truth if state.odometry is None else self.rig.world.sim.odometry
+        return told.distance(really), abs(wrap_angle(told.theta - really.theta))
+
+    async def here(self, adapter: Adapter) -> RcaState:
+        """Return a state of this place: the first may still be one of before the robot was put here, kept or on its way."""
+        return await wait_for(adapter, lambda s: max(self.error_of(s)) < 0.02)
+
     @pytest.fixture
     async def near_dock(self) -> AsyncIterator[Adapter]:
         self.rig.reset(BEFORE_DOCK[self.rig.world.series])
@@ -98,17 +111,23 @@ class RcaConformance(AdapterConformance):
             yield adapter
 
     async def test_it_goes_where_it_is_told_and_its_state_says_so(self, adapter: Adapter) -> None:
-        before, began = self.rig.world.truth, (await some(adapter.states(), 2))[-1]
-        state = await drive(adapter, Velocity(linear=0.2, angular=0.2), lambda s: s.distance > 0.17)
-        moved, told = before.inverse().compose(self.rig.world.truth), state
-        if state.odometry is not None:
+        before, began = self.rig.world.truth, await self.here(adapter)
+
+        # Whoever is late in saying it is braked by the watchdog meanwhile, and begins again.
+        def goes_as_told(state: RcaState) -> bool:
+            return state.distance > 0.17 and abs(state.velocity.linear - 0.2) < 0.06 and abs(state.velocity.angular - 0.2) < 0.08
+
+        await drive(adapter, Velocity(linear=0.2, angular=0.2), goes_as_told)
+        await drive(adapter, Velocity(linear=0.0, angular=0.0), stands)
+        await standing(self.rig)
+        told = await self.here(adapter)
+        moved = before.inverse().compose(self.rig.world.truth)
+        if told.odometry is not None:
             counted = began.odometry.inverse().compose(told.odometry)
         else:
             counted = Pose2D(began.pose.x, began.pose.y, began.pose.theta).inverse().compose(Pose2D(told.pose.x, told.pose.y, told.pose.theta))
         assert math.hypot(counted.x - moved.x, counted.y - moved.y) < 0.12
         assert abs(wrap_angle(counted.theta - moved.theta)) < 0.15
-        assert state.velocity.linear == pytest.approx(0.2, abs=0.06)
-        assert state.velocity.angular == pytest.approx(0.2, abs=0.08)
 
     async def test_it_says_where_it_is_when_its_architecture_knows(self, adapter: Adapter) -> None:
         if "localization" not in adapter.profile.capabilities:
@@ -131,12 +150,13 @@ class RcaConformance(AdapterConformance):
     async def test_its_scan_shows_the_walls(self, adapter: Adapter, computer: Lateness) -> None:
         if "scan" not in adapter.profile.capabilities:
             return
+        await self.here(adapter)
         state = await wait_for(adapter, lambda s: s.scan is not None)
         scan, laser = state.scan, self.rig.world.sim.model.laser
         assert scan.angle_min == pytest.approx(laser.angle_min, abs=0.02)
         assert len(scan.ranges) == laser.beams
         now = time.time()
-        assert abs(scan.stamp - now) < 0.5 + computer.excuse(scan.stamp, now)
+        assert abs(scan.stamp - now) < patient(0.5) + computer.excuse(scan.stamp, now)
         really = self.rig.world.ranges()
         pairs = [(told, true) for told, true in zip(scan.ranges, really, strict=True) if told is not None and true < laser.range_max]
         assert sum(abs(told - true) < 0.08 for told, true in pairs) > 0.9 * len(pairs) > 50
@@ -200,14 +220,18 @@ class RcaConformance(AdapterConformance):
         await adapter.start(Relocalize(action_id="r", stamp=0.0, x=truth.x, y=truth.y, theta=truth.theta))
         assert (await heard(adapter, ended("r")))[-1].status == "FINISHED"
 
-    async def test_an_architecture_that_is_killed_while_it_drives_stops_the_robot_and_is_found_again(self, adapter: Adapter) -> None:
+    async def test_an_architecture_that_is_killed_while_it_drives_stops_the_robot_and_is_found_again(
+        self, adapter: Adapter, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
         dying = asyncio.get_running_loop().run_in_executor(None, self.rig.kill)
         reason = await lost(adapter, AHEAD)
         await dying
         assert len(reason) > 10
-        with pytest.raises(AdapterError):
-            await adapter.connect()
+        with monkeypatch.context() as shortly:
+            shortly.setattr(remote, "FIRST_READING", 1.5)
+            with pytest.raises(AdapterError):
+                await adapter.connect()
         with pytest.raises(AdapterError):
             adapter.apply(AHEAD)
         await standing(self.rig)

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from robots.agent.adapters import openmora, registry
+from robots.agent.adapters import openmora, registry, remote
 from robots.agent.adapters.contract import AdapterError
 from robots.api.messages import Goto, Relocalize, Velocity
 from tests.robots.agent.adapters.conformance import some, wait_for
@@ -27,8 +27,9 @@ class TestGiraff(RcaConformance):
         self.rig.said.clear()
         await adapter.close()
         await adapter.connect()
-        await some(adapter.states(), 2)
-        assert [text for topic, text in self.rig.said if topic == "SessionCommand"] == ["Stop telepresence", "Start telepresence"]
+        said = lambda: [text for topic, text in self.rig.said if topic == "SessionCommand"]  # noqa: E731
+        await wait_for(adapter, lambda _: len(said()) == 2)
+        assert said() == ["Stop telepresence", "Start telepresence"]
 
     async def test_its_errors_are_shown(self, adapter):
         self.rig.error = "laser disconnected"
@@ -49,7 +50,8 @@ class TestGiraff(RcaConformance):
         await some(adapter.states(), 5)
         assert not any(linear for _, linear, _ in self.rig.world.commands)
 
-    async def test_a_broker_that_dies_or_hangs_is_noticed(self, adapter):
+    async def test_a_broker_that_dies_or_hangs_is_noticed(self, adapter, monkeypatch):
+        monkeypatch.setattr(remote, "SILENCE", 1.0)
         await some(adapter.states(), 2)
         self.rig.broker.freeze(on=True)
         try:

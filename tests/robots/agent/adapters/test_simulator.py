@@ -4,20 +4,23 @@ import asyncio
 import os
 import signal
 import time
+from itertools import pairwise
 
 import pytest
 
 from robots.agent.adapters.contract import NOWHERE, Adapter, AdapterError, VideoSource
 from robots.agent.adapters.registry import create
 from robots.agent.adapters.simulator import SimulatorAdapter
+from robots.agent.simulator.playback import LONGEST_LAG
 from robots.api.geometry import Pose2D
 from robots.api.messages import Config, Tilt, Velocity
 from tests.robots.agent.adapters.conformance import AdapterConformance, drive, some, stands, wait_for
-from tests.support.lateness import watched
+from tests.support.lateness import pauses, watched
 from tests.support.patience import patient
 from tests.support.simulators import alive, eventually, simulator
 from tests.support.truth import Onlooker
 
+pytestmark = pytest.mark.usefixtures("patient_adapters")
 QUIET = {"camera": "no", "start": "corridor-centre"}
 
 
@@ -40,12 +43,18 @@ def is_gone(camera: VideoSource) -> bool:
     return False
 
 
-class TestGiraff(AdapterConformance):
+class SimulatorConformance(AdapterConformance):
+    def obeyed_at(self, adapter: Adapter) -> float:
+        assert isinstance(adapter, SimulatorAdapter)
+        return adapter._truth.commanded_at if adapter._truth else 0.0
+
+
+class TestGiraff(SimulatorConformance):
     def make(self) -> Adapter:
         return create("simulator", "giraff", {"start": "corridor-centre", "seed": "3"})
 
 
-class TestRhodon(AdapterConformance):
+class TestRhodon(SimulatorConformance):
     def make(self) -> Adapter:
         return create("simulator", "rhodon", {"start": "corridor-centre", "camera": "no"})
 
@@ -149,17 +158,21 @@ async def test_a_new_tilt_replaces_the_one_under_way_and_cancel_stops_it() -> No
     await adapter.start(Tilt(action_id="a", stamp=0.0, angle=0.9))
     await adapter.start(Tilt(action_id="b", stamp=0.0, angle=-0.5))
     await wait_for(adapter, lambda s: s.tilt < 0.2)
-    await adapter.cancel("b")
+    await adapter.start(Tilt(action_id="c", stamp=0.0, angle=0.9))
+    await adapter.cancel("c")  # in the same moment: however late this is, the head is not there yet
+    where = adapter._truth.tilt
     news = []
     async with asyncio.timeout(patient(5.0)):
         async for progress in adapter.progress():
             news.append((progress.action_id, progress.status))
-            if news[-1] == ("b", "CANCELLED"):
+            if news[-1] == ("c", "CANCELLED"):
                 break
-    assert news == [("a", "RUNNING"), ("a", "CANCELLED"), ("b", "RUNNING"), ("b", "CANCELLED")]
-    stopped = await wait_for(adapter, lambda s: s.tilt > -0.45, 2.0)
+    assert news[:3] == [("a", "RUNNING"), ("a", "CANCELLED"), ("b", "RUNNING")]
+    assert news[3] in {("b", "CANCELLED"), ("b", "FINISHED")}  # the latter when it was there before the third
+    assert news[4:] == [("c", "RUNNING"), ("c", "CANCELLED")]
+    await wait_for(adapter, lambda s: abs(s.tilt - where) < 0.02)
     await some(adapter.states(), 30)
-    assert (await some(adapter.states(), 1))[0].tilt == pytest.approx(stopped.tilt, abs=0.08)
+    assert (await some(adapter.states(), 1))[0].tilt == pytest.approx(where, abs=0.02)
     await adapter.close()
 
 
@@ -167,7 +180,8 @@ async def test_scans_come_twenty_times_a_second_and_agree_with_the_walls() -> No
     adapter = made()
     await adapter.connect()
     scans = [state.scan for state in await some(adapter.states(), 60) if state.scan is not None]
-    assert 18 <= len(scans) <= 30
+    gaps = sorted(after.stamp - before.stamp for before, after in pairwise(scans))
+    assert gaps[len(gaps) // 2] == pytest.approx(0.05, abs=0.02)  # most of them: a late process misses some
     middle = max(value or 0.0 for value in scans[-1].ranges[118:123])
     assert middle == pytest.approx(12.0 - 0.12 - 5.22, abs=0.1)  # from the middle of the corridor to rhodon's station
     assert len(scans[-1].ranges) == 241
@@ -201,7 +215,9 @@ async def test_a_command_is_with_the_wheels_in_milliseconds() -> None:
         adapter.apply(Velocity(linear=0.3, angular=0.0))
         assert await asyncio.to_thread(eventually, lambda: onlooker.truth().commanded[0] == 0.3, 2.0)
         excuse = computer.excuse(said, time.time())
-    assert onlooker.truth().commanded_at - said < 0.2 + excuse  # median below a millisecond and a step on a quiet machine
+    came = onlooker.truth().commanded_at
+    excuse += LONGEST_LAG + min(pauses((row.stamp for row in onlooker.history(10.0) if said - 1.0 < row.stamp <= came), 0.02), 1.5)
+    assert came - said < 0.2 + excuse  # median below a millisecond and a step on a quiet machine
     onlooker.close()
     await adapter.close()
 

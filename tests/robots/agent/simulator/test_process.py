@@ -16,8 +16,10 @@ from robots.agent import framing
 from robots.agent.adapters.simulator_media import MediaLine
 from robots.agent.simulator import wire
 from robots.agent.simulator.faults import Faults
+from robots.agent.simulator.playback import LONGEST_LAG
 from robots.agent.simulator.profiles import GIRAFF
-from tests.support.lateness import watched
+from tests.support.lateness import pauses, watched
+from tests.support.patience import patient
 from tests.support.simulators import ROOT, alive, driving_agent, eventually, memory_exists, simulator
 from tests.support.truth import Fate
 
@@ -46,8 +48,8 @@ def test_when_the_agent_is_killed_or_stopped_the_base_brakes_by_itself(fate: sig
         rows = onlooker.history(5.0)
         stood = next(row.stamp for row in rows if row.stamp > struck and row.linear == 0.0)
         bound = GIRAFF.watchdog + max(row.linear for row in rows) / GIRAFF.limits.linear_braking
-        tolerance = TOLERANCE + computer.excuse(struck, stood)
-        assert last_command <= struck + tolerance
+        tolerance = TOLERANCE + computer.excuse(struck, stood) + min(pauses((row.stamp for row in rows if row.stamp > struck), ONE_STATE), 1.5)
+        assert last_command <= struck + tolerance + LONGEST_LAG  # what had come while the robot's own process was late
         assert stood - last_command <= bound + tolerance
         duration, peak = standing_time(rows)
         assert duration <= peak / GIRAFF.limits.linear_braking + GIRAFF.watchdog + tolerance
@@ -99,7 +101,7 @@ def test_a_child_of_a_killed_agent_ends_by_itself_and_leaves_no_memory() -> None
         address = agent.stdout.readline().strip()
         host, _, port = address.rpartition(":")
         line = MediaLine((host, int(port)), "camera")
-        welcome, pictures = line.read(2.0), line.read(2.0)
+        welcome, pictures = line.read(20.0), line.read(20.0)
         assert isinstance(welcome, wire.Welcome)
         assert isinstance(pictures, wire.Pictures)
         assert memory_exists(pictures.name)
@@ -113,8 +115,8 @@ def test_a_child_of_a_killed_agent_ends_by_itself_and_leaves_no_memory() -> None
 def test_however_the_simulator_ends_its_memory_is_gone(fate: signal.Signals) -> None:
     with simulator("--linger", "30") as robot:
         line = MediaLine(("127.0.0.1", robot.port), "camera")
-        line.read(2.0)
-        name = line.read(2.0).name
+        line.read(20.0)
+        name = line.read(20.0).name
         assert memory_exists(name)
         robot.process.send_signal(fate)
         robot.process.wait(timeout=40)
@@ -131,13 +133,18 @@ def test_pictures_come_while_somebody_looks_and_rest_when_nobody_does() -> None:
             assert message is not None
             if isinstance(message, wire.FrameReady):
                 numbers.append((message.number, message.stamp))
+        closed = time.time()
         line.close()
         assert [n for n, _ in numbers] == list(range(numbers[0][0], numbers[0][0] + 10))
         assert all(b > a for (_, a), (_, b) in pairwise(numbers))
-        time.sleep(0.3)  # the time in which ten more would come
+        (begun, last) = numbers[0][1], numbers[-1]
+        time.sleep(1.0)
+        would_come = (len(numbers) - 1) / (last[1] - begun)  # in this second
+        opened = time.time()
         again = MediaLine(("127.0.0.1", robot.port), "camera")
         first = next(m for m in iter(lambda: again.read(20.0), None) if isinstance(m, wire.FrameReady))
-        assert first.number <= numbers[-1][0] + 3
+        watched_for = closed - last[1] + max(0.0, first.stamp - opened)  # since the last picture that was read, at the camera's own pace
+        assert first.number <= last[0] + 1 + watched_for * GIRAFF.camera.fps + would_come / 2
         again.close()
 
 
@@ -224,7 +231,7 @@ def test_velocities_that_are_no_numbers_close_the_connection_and_the_base_stands
 )
 def test_a_robot_that_cannot_be_is_refused_with_one_sentence(arguments: tuple[str, ...], words: str) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "robots.agent.simulator", *arguments], cwd=ROOT, capture_output=True, text=True, timeout=30, check=False
+        [sys.executable, "-m", "robots.agent.simulator", *arguments], cwd=ROOT, capture_output=True, text=True, timeout=patient(30), check=False
     )
     assert done.returncode == 2
     assert words in done.stderr
@@ -235,7 +242,7 @@ def test_a_busy_port_is_said_in_one_sentence() -> None:
     with simulator(*QUIET) as robot:
         done = subprocess.run(
             [sys.executable, "-m", "robots.agent.simulator", "--listen", robot.address, *QUIET],
-            cwd=ROOT, capture_output=True, text=True, timeout=30, check=False,
+            cwd=ROOT, capture_output=True, text=True, timeout=patient(30), check=False,
         )  # fmt: skip
         assert done.returncode == 1
         assert "cannot listen" in done.stderr
