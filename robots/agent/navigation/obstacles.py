@@ -25,6 +25,7 @@ from robots.api.geometry import Pose2D, wrap_angle
 
 Bools = npt.NDArray[np.bool_]
 SEEN_AFTER, DOUBTS = 2, 3  # columns of what is kept of a point
+SAME_BEARING = 1e-4  # rad: what a robot that stands measures again
 SEES = 0.05  # a sweep with a smaller share of echoes than this is that of a laser that does not see
 
 
@@ -166,10 +167,9 @@ def compare(points: Floats, beams: Beams, settings: MemorySettings) -> tuple[Boo
     seen_from_laser = into(beams.mount, points)
     distances = np.hypot(seen_from_laser[:, 0], seen_from_laser[:, 1])
     bearings = np.arctan2(seen_from_laser[:, 1], seen_from_laser[:, 0])
-    turned = (bearings - beams.angle_min) % (2.0 * math.pi) if beams.angle_increment > 0.0 else (beams.angle_min - bearings) % (2.0 * math.pi)
-    index = np.rint(turned / abs(beams.angle_increment)).astype(np.intp)
-    inside = index < len(beams.ranges)
-    index = np.minimum(index, len(beams.ranges) - 1)
+    turned = from_first_beam(bearings, beams)
+    inside = turned <= from_first_to_last(beams)
+    index = np.minimum(np.rint(turned / abs(beams.angle_increment)).astype(np.intp), len(beams.ranges) - 1)
     nearest = shortest_of_neighbours(np.minimum(beams.ranges, beams.range_max))
     echo = np.isfinite(beams.ranges)
     again = inside & echo[index] & (np.abs(beams.ranges[index] - distances) <= settings.margin)
@@ -178,11 +178,24 @@ def compare(points: Floats, beams: Beams, settings: MemorySettings) -> tuple[Boo
 
 
 def in_view(points: Floats, beams: Beams) -> Bools:
-    """Tell for (n, 2) points in the laser's frame whether a beam looks in their direction, to half the angle between two beams."""
-    step = beams.angle_increment
-    turned = (np.arctan2(points[:, 1], points[:, 0]) - beams.angle_min + step / 2.0) * math.copysign(1.0, step) % (2.0 * math.pi)
-    looked_at: Bools = turned <= abs(step) * len(beams.ranges)
+    """Tell for (n, 2) points in the laser's frame whether they lie between its first and last beam."""
+    looked_at: Bools = from_first_beam(np.arctan2(points[:, 1], points[:, 0]), beams) <= from_first_to_last(beams)
     return looked_at
+
+
+def from_first_beam(bearings: Floats, beams: Beams) -> Floats:
+    """Return by how much (n,) bearings in the laser's frame are turned from the first beam, the way that the beams go: [0, 2 pi)."""
+    turned: Floats = (bearings - beams.angle_min) * math.copysign(1.0, beams.angle_increment) + SAME_BEARING
+    return turned % (2.0 * math.pi)
+
+
+def from_first_to_last(beams: Beams) -> float:
+    """Return the angle from the first beam to the last.
+
+    Not half a step more: the last beam measures nothing beyond itself. If it were taken to, a robot that turns by less than that between
+    two sweeps would have each point beyond the last beam replaced by one on it, and leave nothing behind itself.
+    """
+    return abs(beams.angle_increment) * (len(beams.ranges) - 1) + 2.0 * SAME_BEARING
 
 
 def behind_edges(beams: Beams, settings: MemorySettings) -> Floats:

@@ -1,6 +1,7 @@
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -38,6 +39,21 @@ def test_what_was_ahead_is_remembered_behind_a_robot_that_has_turned_round():
         pose = Pose2D(0.0, 0.0, math.radians(step))
         memory.update(pose, look(pose))
     assert nearest_to(memory, pose, -2.0, 0.0) < 0.05  # the wall that it first looked at
+
+
+@pytest.mark.parametrize("step", [0.1, 0.3, -0.3, 0.45, -0.45, 0.9])
+def test_what_went_out_of_sight_slowly_is_remembered_as_well(step):
+    """The last beam, a degree from its neighbour, must not take away what is half a degree beyond it."""
+    memory, turned = ObstacleMemory(), 0.0
+    while abs(turned) < 90.0:
+        pose = Pose2D(0.0, 0.0, math.radians(turned))
+        memory.update(pose, look(pose))
+        turned += step
+    points = memory.near(pose, 4.0)
+    eye = into(MOUNT, points)
+    bearings = np.sort(np.degrees(np.arctan2(eye[:, 1], eye[:, 0])) % 360.0)
+    behind = bearings[(bearings > 95.0) & (bearings < 165.0) if step < 0 else (bearings > 195.0) & (bearings < 265.0)]
+    assert np.diff(behind).max() < 3.0
 
 
 def test_what_the_laser_sees_is_where_it_is_and_what_is_behind_it_may_be_off_by_some():
