@@ -3,6 +3,8 @@
 import asyncio
 import datetime
 import hashlib
+import time
+from collections.abc import Callable
 
 import aiomqtt
 import msgspec
@@ -15,6 +17,7 @@ from robots.api import codec, messages, topics
 from robots.models import Robot
 from sessions import signals, turns, wire
 from sessions.models import Lease, NetworkSample, Session, SessionEvent, Snapshot, StateChunk, SystemLog
+from tests.support.lateness import watched
 from tests.support.patience import patient
 from tests.support.recorder_rig import HOST, ManagerProcess, ScriptedRobot, running_manager, running_mosquitto, wait_for
 
@@ -212,9 +215,10 @@ async def test_what_an_agent_cannot_send_again_is_counted_as_missing(broker, gir
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
         session = await drive(visitors["ana"], robot)
         first = robot.seq + 2
-        robot.loses = lambda seq: first <= seq < first + 4
+        robot.loses, robot.answers = (lambda seq: first <= seq < first + 4), False  # however soon it is asked, it is killed before it answers
         await wait_for(lambda: robot.seq > first + 6)
         robot.boot, robot.seq, robot.buffer = "boot-2", 0, {}  # the agent was killed and is back
+        robot.loses, robot.answers = (lambda _seq: False), True
         missing = await wait_for(lambda: SessionEvent.objects.filter(session=session, type="states_missing").first(), what="the loss")
         assert missing.data == {"boot": "boot-1", "ranges": [[first, first + 3]], "count": 4}
         await leave(session, visitors["ana"])
@@ -345,37 +349,50 @@ async def test_the_operators_stop_ends_the_session_and_takes_the_lease_back(brok
         assert (await state_of(session, "ended")).outcome == "stopped_by_operator"
 
 
-async def news_of(session: str, client: aiomqtt.Client, kind: str, within: float = 10.0) -> messages.ServerNews:
-    async with asyncio.timeout(patient(within)):
-        async for message in client.messages:
-            news = msgspec.json.decode(message.payload, type=messages.ServerNews)
-            if (news.session, news.type) == (session, kind):
-                return news
-    raise AssertionError(kind)
+class News:
+    """What a web process hears of visits, in whatever order that of several visits comes."""
+
+    def __init__(self, client: aiomqtt.Client) -> None:
+        self._client = client
+        self._heard: list[messages.ServerNews] = []
+
+    async def of(
+        self, session: str, kind: str, is_right: Callable[[messages.ServerNews], bool] = lambda _: True, within: float = 10.0
+    ) -> messages.ServerNews:
+        """Return the first news of this kind of a visit, heard before or yet to come."""
+
+        def is_it(news: messages.ServerNews) -> bool:
+            return (news.session, news.type) == (session, kind) and is_right(news)
+
+        async with asyncio.timeout(patient(within)):
+            while (found := next(filter(is_it, self._heard), None)) is None:
+                self._heard.append(msgspec.json.decode((await anext(self._client.messages)).payload, type=messages.ServerNews))
+        return found
 
 
 async def test_when_others_wait_the_turn_ends_and_the_next_in_the_queue_is_asked(broker, giraff, visitors, settings):
-    settings.TURN_WARNING_SECONDS = 1.0
-    await set_rules(turn_minutes=3.0 / 60.0)
+    settings.TURN_WARNING_SECONDS = 2.5  # several looks at the clock, of which one may come late
+    await set_rules(turn_minutes=4.0 / 60.0)
     async with (
         running_manager(broker.url),
         ScriptedRobot("giraff", broker.url) as robot,
         aiomqtt.Client(HOST, broker.port) as web,
     ):
         await web.subscribe(topics.session_news("+"), 1)
+        news = News(web)
         ana = await drive(visitors["ana"], robot)
         ben, cem = await take(visitors["ben"]), await take(visitors["cem"])
         assert [type(taken) for taken in (ben, cem)] == [turns.Queued, turns.Queued]
-        assert (await news_of(cem.session, web, "queue")).place == 2
-        assert (await news_of(ana, web, "warning")).remaining <= 1.0
-        ended = await news_of(ana, web, "ended")
+        assert (await news.of(cem.session, "queue")).place == 2
+        assert (await news.of(ana, "warning")).remaining <= 2.5
+        ended = await news.of(ana, "ended")
         assert (ended.outcome, ended.text) == ("timed_out", "turn_over")
-        offered = await news_of(ben.session, web, "granted")
+        offered = await news.of(ben.session, "granted")
         assert offered.remaining == settings.START_SECONDS
         assert isinstance(await take(visitors["cem"]), turns.Queued)
         assert isinstance(await take(visitors["ben"]), turns.Granted)
         await state_of(ben.session, "driving")
-        assert (await news_of(cem.session, web, "queue")).place == 1
+        await news.of(cem.session, "queue", lambda told: told.place == 1)
 
 
 async def test_a_driver_who_gives_no_sign_is_asked_and_makes_room_for_the_next(broker, giraff, visitors, settings, monkeypatch):
@@ -388,13 +405,14 @@ async def test_a_driver_who_gives_no_sign_is_asked_and_makes_room_for_the_next(b
         aiomqtt.Client(HOST, broker.port) as web,
     ):
         await web.subscribe(topics.session_news("+"), 1)
+        news = News(web)
         ana = await drive(visitors["ana"], robot)
         ben = await take(visitors["ben"])
         assert isinstance(ben, turns.Queued)
-        assert (await news_of(ana, web, "idle")).remaining == 1.0
-        ended = await news_of(ana, web, "ended")
+        assert (await news.of(ana, "idle")).remaining == 1.0
+        ended = await news.of(ana, "ended")
         assert (ended.outcome, ended.text) == ("timed_out", "idle")
-        await news_of(ben.session, web, "granted")
+        await news.of(ben.session, "granted")
         asked = SessionEvent.objects.filter(session=ana, source="server", type="asked_there")
         assert await sync_to_async(asked.count)() == 1
 
@@ -403,11 +421,14 @@ async def test_a_driver_who_gives_no_sign_is_asked_and_makes_room_for_the_next(b
 
 
 async def test_the_clock_offset_of_the_robot_stands_beside_its_states(broker, giraff, visitors):
-    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url, clock_ahead=3600.0) as robot:
-        session = await drive(visitors["ana"], robot)
-        chunk = await wait_for(lambda: StateChunk.objects.filter(session=session, clock_offset__isnull=False).order_by("-first_seq").first())
-        assert chunk.clock_offset == pytest.approx(3600.0, abs=0.25)
-        assert chunk.first_stamp - chunk.clock_offset == pytest.approx(chunk.received_at, abs=0.5)
+    begun = time.time()
+    with watched() as computer:
+        async with running_manager(broker.url), ScriptedRobot("giraff", broker.url, clock_ahead=3600.0) as robot:
+            session = await drive(visitors["ana"], robot)
+            chunk = await wait_for(lambda: StateChunk.objects.filter(session=session, clock_offset__isnull=False).order_by("-first_seq").first())
+            late = computer.excuse(begun, time.time())  # a beat or a state was under way for so much longer
+    assert chunk.clock_offset == pytest.approx(3600.0, abs=0.25 + late)
+    assert chunk.first_stamp - chunk.clock_offset == pytest.approx(chunk.received_at, abs=0.5 + late)
 
 
 async def test_events_page_reports_network_samples_and_photos_are_kept_once(broker, giraff, visitors):
