@@ -14,6 +14,7 @@ from experiments.bots.view import AT_CENTRE
 from robots.agent.world.sites import load_site
 from robots.api.messages import Heartbeat
 from sessions import wire
+from tests.support.patience import patient
 from tests.support.robot_socket import RobotSocket
 
 
@@ -21,7 +22,7 @@ async def at_the_wheel(server):
     cockpit = Cockpit(Browser(server.url), "/ws/robots/giraff/", "keyboard")
     await cockpit.connect()
     cockpit.take()
-    assert await cockpit.until(lambda: cockpit.view.granted and cockpit.view.frames, 5.0)
+    assert await cockpit.until(lambda: cockpit.view.granted and cockpit.view.frames, patient(5.0))
     return cockpit
 
 
@@ -72,7 +73,7 @@ async def test_a_page_that_lost_its_network_comes_back_as_itself():
         cockpit = await at_the_wheel(server)
         await cockpit.lose_network()
         await cockpit.come_back()
-        assert await cockpit.until(lambda: cockpit.view.granted, 5.0)
+        assert await cockpit.until(lambda: cockpit.view.granted, patient(5.0))
         assert server.connections == 2
         assert server.all("session/take") == [{}, {"session": "s1", "peer": "p1"}]
         await cockpit.close()
@@ -82,7 +83,7 @@ async def test_a_connection_that_the_server_ends_is_told_with_its_code():
     async with RobotSocket() as server:
         cockpit = await at_the_wheel(server)
         await server.socket.close(wire.REPLACED)
-        assert not await cockpit.until(lambda: cockpit.view.ended, 5.0)
+        assert not await cockpit.until(lambda: cockpit.view.ended, patient(5.0))
         assert cockpit.closed == wire.REPLACED
         await cockpit.close()
 
@@ -93,7 +94,7 @@ async def test_nonsense_from_the_server_is_left_alone():
         for frame in ("state\n{}", "nothing", "what\n{}", b"picture\nshort", "session/task\n[]"):
             await server.socket.send(frame)
         await server.say("session/task", wire.Task(session="s1", stamp=1.0, cue="leave_station", number=1))
-        assert await cockpit.until(lambda: cockpit.view.task.cue == "leave_station", 5.0)
+        assert await cockpit.until(lambda: cockpit.view.task.cue == "leave_station", patient(5.0))
         await cockpit.close()
 
 
@@ -118,7 +119,7 @@ MIDWAY = wire.Task(session="s1", stamp=1.0, passed=(1, 2))
 async def under_way(drive):
     await drive.cockpit.connect()
     drive.cockpit.take()
-    assert await drive.cockpit.until(lambda: drive.view.granted and drive.view.frames, 5.0)
+    assert await drive.cockpit.until(lambda: drive.view.granted and drive.view.frames, patient(5.0))
     drive.view.task = MIDWAY
     return drive
 
@@ -128,7 +129,7 @@ async def test_who_gets_no_connection_says_nothing_that_would_make_one():
         drive = about_to(server, Ending.GETS_NO_CONNECTION)
         await drive.cockpit.connect()
         drive.cockpit.take()
-        assert await drive.cockpit.until(lambda: drive.view.granted, 5.0)
+        assert await drive.cockpit.until(lambda: drive.view.granted, patient(5.0))
         await asyncio.sleep(3 * BEAT)
         assert [suffix for suffix, _ in server.heard] == ["session/take"]
         await drive.cockpit.close()
