@@ -14,6 +14,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from tests.support.patience import patient
 from tests.support.site import LOOPBACK, ROOT, free_port, wait_for
 
 LINK = re.compile(r"Drive Giraff now:\s+(\S+)")
@@ -48,7 +49,7 @@ class RunningDemo:
     def end(self, number: int = signal.SIGTERM) -> int:
         if self.process.poll() is None:
             self.process.send_signal(number)
-        return self.process.wait(30)
+        return self.process.wait(patient(20))
 
 
 @contextlib.contextmanager
@@ -89,13 +90,13 @@ def test_the_link_opens_the_robot_and_the_end_leaves_no_process_behind_and_a_sec
     port = free_port()
     with demo(tmp_path, "--port", str(port)) as running:
         jar = urllib.request.HTTPCookieProcessor()
-        page = urllib.request.build_opener(jar).open(running.link(), timeout=20)
+        page = urllib.request.build_opener(jar).open(running.link(), timeout=patient(20))
         assert page.status == 200
         assert page.url.endswith("/robots/giraff/?go=1")
         assert "researcher" in running.said()
         study = re.search(r"Take part:\s+(\S+)", wait_for(lambda: running.said() if "Logs:" in running.said() else None, 10, "the last line"))
         assert study is not None
-        assert "Explore an office with a robot" in urllib.request.build_opener().open(study.group(1), timeout=20).read().decode()
+        assert "Explore an office with a robot" in urllib.request.build_opener().open(study.group(1), timeout=patient(20)).read().decode()
         family = running.family()
         assert len(family) >= 5
         assert running.end(number) == 0
@@ -121,7 +122,7 @@ def test_a_part_that_dies_ends_the_demo_with_its_name(tmp_path):
         running.link()
         manager = next(child for child in running.family() if "run_session_manager" in child.cmdline())
         manager.kill()
-        assert running.process.wait(30) == 1
+        assert running.process.wait(patient(20)) == 1
     assert "The session manager ended" in running.said()
 
 
