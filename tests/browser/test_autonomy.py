@@ -62,6 +62,10 @@ def offer(visitor, word, within=15.0):
     expect(visitor.page.locator("#offer")).to_have_attribute("data-word", word, timeout=patient(within) * 1000)
 
 
+def alert_of(visitor):
+    return visitor.page.locator("#alert").get_attribute("data-word") or ""
+
+
 def newest_state(site):
     return (site.states(site.sessions()[-1][0]) or [{}])[-1]
 
@@ -109,7 +113,7 @@ def test_a_key_takes_over_at_once_and_a_place_of_the_menu_is_a_goal_too(visitor,
     cora.page.keyboard.down("ArrowLeft")
     offer(cora, "task.yours")
     before = giraff.truth().theta
-    wait_for(lambda: math.remainder(giraff.truth().theta - before, math.tau) > 0.2, 10, "a turn to the left")
+    cora.hold("ArrowLeft", lambda: math.remainder(giraff.truth().theta - before, math.tau) > 0.2, 10, "a turn to the left")
     cora.page.keyboard.up("ArrowLeft")
 
 
@@ -133,8 +137,7 @@ def test_the_help_that_is_chosen_is_in_force_and_says_why_it_holds_back(site, vi
     expect(eva.page.locator("[data-action=assist-steer]")).to_have_attribute("aria-pressed", "true")
     wait_for(lambda: newest_state(site).get("assist") == "steer", 10, "the level in the robot's record")
     contacts = giraff.truth().contacts
-    eva.page.keyboard.down("ArrowUp")
-    expect(eva.page.locator("#alert")).to_have_attribute("data-word", re.compile(r"^assist\.(slow|stop|steer)"), timeout=20_000)
+    eva.hold("ArrowUp", lambda: re.match(r"assist\.(slow|stop|steer)", alert_of(eva)), 20, "why it holds back")
     photograph(eva, "assisted")
     eva.page.keyboard.up("ArrowUp")
     assert giraff.truth().contacts == contacts
@@ -143,8 +146,7 @@ def test_the_help_that_is_chosen_is_in_force_and_says_why_it_holds_back(site, vi
 def test_a_lost_robot_is_shown_its_place_on_the_map(visitor, giraff, fate):
     fay = visitor("fay").drive()
     assert fate.wish(CarryTo(8.6, 4.4, 1.57)) == ""
-    fay.page.keyboard.down("ArrowLeft")
-    expect(fay.page.locator("#alert")).to_have_attribute("data-word", "alert.lost", timeout=30_000)
+    fay.hold("ArrowLeft", lambda: alert_of(fay) == "alert.lost", 30, "a robot that says that it is lost")
     press(fay, "Show it")  # at once: it looks for itself all the while
     fay.page.keyboard.up("ArrowLeft")
     show_place(fay, giraff.truth())

@@ -34,9 +34,8 @@ def test_a_participant_backs_out_takes_the_photo_docks_and_is_led_on(site, visit
     expect(page.get_by_role("button", name="Leave the dock")).to_be_visible()  # the page backs out, where the robot may not do it by itself
     expect(page.locator("#assist")).to_be_hidden()
 
-    page.keyboard.down("ArrowDown")
     photo = page.get_by_role("region", name="Photo")
-    expect(photo).to_be_visible(timeout=30_000)
+    ana.hold("ArrowDown", photo.is_visible, 30, "the checkpoint")
     page.keyboard.up("ArrowDown")
     photo.get_by_role("button", name="Take photo").click()
     picture = photo.get_by_alt_text("The photo that you have just taken")
@@ -46,15 +45,14 @@ def test_a_participant_backs_out_takes_the_photo_docks_and_is_led_on(site, visit
     expect(photo).to_be_hidden(timeout=40_000)
     expect(page.locator("#task-stops [data-status=passed]")).to_have_count(1)
 
-    page.keyboard.down("ArrowUp")
-    expect(page.get_by_role("heading", name="Well done!")).to_be_visible(timeout=40_000)
+    ana.hold("ArrowUp", page.get_by_role("heading", name="Well done!").is_visible, 40, "the end of the task")
     page.keyboard.up("ArrowUp")
     page.get_by_role("button", name="Go on").click()
     expect(page.get_by_text("Thank you for driving!")).to_be_visible(timeout=40_000)
 
-    told = wait_for(lambda: (events := page_events(site)) and "controller" in dict(events) and events, 10, "the page's record")
+    wanted = {"first_frame", "layout", "map", "photo_answer", "cue_shown", "controller"}
+    told = wait_for(lambda: wanted <= dict(events := page_events(site)).keys() and events, 10, "the page's record")
     kinds = dict(told)
-    assert {"first_frame", "layout", "map", "photo_answer", "cue_shown", "controller"} <= kinds.keys()
     assert kinds["photo_answer"]["choice"] == "keep"
     shown = [data["word"] for kind, data in told if kind == "cue_shown"]
     assert next(word for word in shown if word != "cue.wait_for_picture") == "cue.leave_station"  # the picture may be there before the first cue

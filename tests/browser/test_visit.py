@@ -56,8 +56,7 @@ def test_a_newcomer_signs_up_sees_the_picture_drives_through_a_door_and_leaves(s
     wait_for(lambda: anna.frames() > before + 15, 5, "a moving picture")
 
     anna.wait_for("link", "live")
-    page.keyboard.down("ArrowUp")
-    wait_for(lambda: giraff.truth().y < DOOR_Y - 0.8, 25, "the other side of the door")
+    anna.hold("ArrowUp", lambda: giraff.truth().y < DOOR_Y - 0.8, 25, "the other side of the door")
     x, y, stamp = marker_on_the_map(anna)
     page.keyboard.up("ArrowUp")
     truth = giraff.at(stamp)
@@ -105,8 +104,7 @@ def test_a_second_visitor_waits_with_place_and_minutes_and_then_gets_the_robot(s
     dora.wait_for("role", "driver")
     dora.wait_for("link", "live")  # a link that is replaced lets go of every key
     before = giraff.truth()
-    dora.page.keyboard.down("ArrowLeft")
-    wait_for(lambda: abs(giraff.truth().theta - before.theta) > 0.1, 10, "a turn")
+    dora.hold("ArrowLeft", lambda: abs(giraff.truth().theta - before.theta) > 0.1, 10, "a turn")
     dora.page.keyboard.up("ArrowLeft")
     dora.leave()
 
@@ -155,7 +153,6 @@ def test_an_observer_sees_the_picture_and_what_it_forges_is_refused_at_the_serve
     assert math.hypot(after.x - before.x, after.y - before.y) < 0.01
     assert abs(after.theta - before.theta) < 0.01
     # The driver is not disturbed.
-    eve.page.keyboard.down("ArrowRight")
-    wait_for(lambda: abs(giraff.truth().theta - after.theta) > 0.1, 10, "the driver's turn")
+    eve.hold("ArrowRight", lambda: abs(giraff.truth().theta - after.theta) > 0.1, 10, "the driver's turn")
     eve.page.keyboard.up("ArrowRight")
     eve.leave()

@@ -6,7 +6,8 @@ import json
 import re
 import subprocess
 import tempfile
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from tests.support.patience import patient
 from tests.support.site import wait_for
 
 FIREFOX = "/usr/bin/firefox-esr"
+HELD = 8.0  # s that a key is held before it is pressed anew
 PREFERENCES = {
     "media.autoplay.default": 0,
     "media.navigator.permission.disabled": True,
@@ -63,6 +65,17 @@ class Firefox:
         self.command(
             "input.performActions", context=self.context, actions=[{"type": "key", "id": "keys", "actions": [{"type": kind, "value": value}]}]
         )
+
+    def hold(self, value: str, reached: Callable[[], Any], within: float, what: str) -> None:
+        """Hold a key until that is so, and let go; as `Visitor.hold`, it is pressed again."""
+        deadline = time.monotonic() + patient(within)
+        while not reached():
+            assert time.monotonic() < deadline, f"{what} did not come within {within} s"
+            self.key("keyDown", value)
+            again = time.monotonic() + HELD
+            while not reached() and time.monotonic() < again:
+                time.sleep(0.05)
+            self.key("keyUp", value)
 
     def click(self, x: float, y: float) -> None:
         """Press the mouse there, in CSS pixels of the page, and let go."""

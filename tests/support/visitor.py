@@ -1,7 +1,8 @@
 """A visitor in a real browser, who sees what the page shows and does what people do."""
 
 import contextlib
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ FLAGS = [
     "--autoplay-policy=no-user-gesture-required",
 ]  # fmt: skip
 FRAMES = "document.getElementById('video').getVideoPlaybackQuality().totalVideoFrames"
+HELD = 8.0  # s that a key is held before it is pressed anew
 # Greyscale statistics of the picture: a video that plays black or grey has hardly any spread.
 SPREAD = """() => {
   const video = document.getElementById('video'), canvas = document.createElement('canvas');
@@ -75,6 +77,19 @@ class Visitor:
     def wait_for_picture(self, within: float = 15.0) -> None:
         # Not wait_for_function: the page's policy forbids the eval that it polls with.
         wait_for(lambda: self.frames() > 3, within, f"a picture (phase {self.cockpit('phase')}, link {self.cockpit('link')})")
+
+    def hold(self, key: str, reached: Callable[[], Any], within: float, what: str) -> None:
+        """Hold a key until that is so, and on. A page whose link is replaced lets go of every key, as it should, and people press again."""
+        deadline = time.monotonic() + patient(within)
+        while True:
+            self.page.keyboard.down(key)
+            again = time.monotonic() + HELD
+            while time.monotonic() < again:
+                if reached():
+                    return
+                self.page.wait_for_timeout(50)
+            assert time.monotonic() < deadline, f"{what} did not come within {within} s (link {self.cockpit('link')}, way {self.cockpit('way')})"
+            self.page.keyboard.up(key)
 
     def frames(self) -> int:
         return int(self.page.evaluate(FRAMES))
