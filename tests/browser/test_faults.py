@@ -62,8 +62,7 @@ def under_way(someone: Visitor, giraff: Onlooker, *, slowly: bool = False) -> Vi
     someone.wait_for("link", "live")
     if slowly:
         someone.page.locator("[data-action=speed-0]").click()
-    someone.page.keyboard.down("ArrowUp")
-    wait_for(lambda: steady(giraff), 15, "a steady speed")
+    someone.hold("ArrowUp", lambda: steady(giraff), 15, "a steady speed")
     return someone
 
 
@@ -219,10 +218,11 @@ def test_an_agent_that_is_dead_or_stuck_leaves_the_stopping_to_the_base(site, gi
     session = site.sessions()[-1][0]
     at = time.time()
     site.send("giraff", number)
+    sent = time.time()
     wait_for(lambda: standstill(giraff), 5, "a standing robot")
     history = [row for row in giraff.history(20) if row.stamp > at]
     brake = next(row for row in history if row.linear < 0.98 * history[0].linear)  # nobody tells the base anything any more
-    assert brake.stamp - at <= WATCHDOG + 2 * STEP + giraff.computer.excuse(at, brake.stamp)
+    assert brake.stamp - sent <= WATCHDOG + 2 * STEP + giraff.computer.excuse(at, brake.stamp)
     stands_after_braking(giraff, history, brake)
     time.sleep(1)
     if number == signal.SIGSTOP:
