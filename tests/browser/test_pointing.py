@@ -11,10 +11,11 @@ from robots.agent.permissions import Sender
 from robots.agent.world.sites import load_plan
 from robots.api.geometry import wrap_angle
 from robots.api.messages import Stop
-from tests.browser.test_drive_page_alone import UPRIGHT, WIDE, opened, stops
+from tests.browser.test_drive_page_alone import UPRIGHT, WIDE, opened, stands, stops
 from tests.browser.test_drive_page_alone import until as until_within
 from tests.support.browser_page import CHROMIUM, FLAGS
 from tests.support.fake_robot_page import FakeRobotPage
+from tests.support.patience import patient
 from tests.support.scene_source import SceneSource
 
 pytestmark = pytest.mark.browser
@@ -73,12 +74,12 @@ async def test_a_press_on_the_floor_shows_the_way_release_drives_there_one_at_a_
             x, y = await goal(page)
             await page.mouse.up()
             await until(lambda: [c for _, c in site.applied if c.method == "mouse" and c.linear > 0.05])
-            await until(lambda: site.applied[-1][1].linear == 0.0 and site.simulation.motion.linear == 0.0)
+            await until(lambda: stands(site))
             assert math.hypot(site.simulation.pose.x - x, site.simulation.pose.y - y) < 0.35
             before = site.simulation.pose.theta
             await page.mouse.click(*await place(page, 0.02, 0.6))
             await until(lambda: wrap_angle(site.simulation.pose.theta - before) > 0.4)
-            await until(lambda: site.applied[-1][1].angular == 0.0 and site.simulation.motion.angular == 0.0)
+            await until(lambda: stands(site))
             assert {c.method for _, c in site.applied} == {"mouse"}
             assert not stops(site)
 
@@ -99,7 +100,7 @@ async def test_a_key_takes_over_from_the_mouse_and_a_gamepad_from_the_key_and_pu
             await until(lambda: [action for action in site.said("command/action") if isinstance(action, Stop)])
             await page.wait_for_selector("#alert[data-word='pad.gone']")
             await page.keyboard.up("ArrowLeft")
-            assert [event.data["there"] for event in site.said("page/event") if event.type == "gamepad"] == [True, False]
+            await until(lambda: [event.data["there"] for event in site.said("page/event") if event.type == "gamepad"] == [True, False])
 
 
 async def test_a_finger_that_is_held_on_the_picture_drives_and_lifting_it_stops(browser):
@@ -111,7 +112,7 @@ async def test_a_finger_that_is_held_on_the_picture_drives_and_lifting_it_stops(
             await touches.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]})
             await until(lambda: [c for _, c in site.applied if c.method == "touch" and c.linear > 0.05])
             await touches.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
-            await until(lambda: site.applied[-1][1].linear == 0.0 and site.simulation.motion.linear == 0.0)
+            await until(lambda: stands(site))
 
 
 async def test_at_the_dock_the_large_button_drives_out_and_a_robot_that_does_not_move_says_why(browser):
@@ -141,7 +142,9 @@ async def test_the_map_is_looked_around_on_swapped_and_made_large_and_the_keys_s
             whole = float(await page.get_attribute("#map", "data-view-scale"))
             await page.hover("#map")
             await page.mouse.wheel(0, -400)
+            deadline = time.monotonic() + patient(PATIENCE)
             while float(await page.get_attribute("#map", "data-view-scale")) < 1.5 * whole:
+                assert time.monotonic() < deadline, "the map is not made larger"
                 await page.wait_for_timeout(50)
             await page.click("[data-action=map_follow]")
             await page.click("[data-action=map_turn]")

@@ -153,7 +153,8 @@ def test_a_session_without_states_says_so_and_one_that_cannot_be_loaded_too(page
 
 def test_the_live_view_follows_the_robot_and_says_when_it_has_no_news(page):
     report = {"stamp": 5.0, "pose": {"x": 1.0, "y": 2.0, "theta": 0.0}, "battery": {"charge": 0.7}, "docked": True}
-    robot = replays.cabin_robot(connection="ONLINE", last_seen_at=timezone.now(), report=report)
+    heard = timezone.now() + datetime.timedelta(hours=1)  # for longer than any page takes to load
+    robot = replays.cabin_robot(connection="ONLINE", last_seen_at=heard, report=report)
     study = replays.study()
     page.goto(reverse("study_live", args=[study.slug]))
     card = page.locator("[data-robot=giraff]")

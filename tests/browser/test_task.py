@@ -201,7 +201,8 @@ async def test_the_first_picture_is_told_until_the_task_has_begun(browser, site)
         await until(lambda: len(written(site, "first_frame")) >= 2)
         tell(site, "leave_station", number=1, x=2.0, y=1.0)
         await expect(page.get_by_text("Drive backwards out of the charging station.").first).to_be_visible(timeout=PATIENCE)
-        count = len(written(site, "first_frame"))
         seconds = len(site.said("page/network"))
+        await until(lambda: len(site.said("page/network")) > seconds)  # what it said before that has arrived
+        count, seconds = len(written(site, "first_frame")), len(site.said("page/network"))
         await until(lambda: len(site.said("page/network")) >= seconds + 3)  # one a second: longer than the page waits before it says it again
         assert len(written(site, "first_frame")) == count
