@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from django.utils import translation
+from hypothesis import HealthCheck, settings
 
 HERE = Path(__file__).parent
 # Real browsers, brokers, processes and safety bounds: what is measured in them is time, which a neighbour would take. All other tests compute.
@@ -27,6 +28,10 @@ LONG = (
     "sessions/test_lease_races.py", "robots/agent/test_safety_properties.py", "experiments/test_assignment_races.py",
     "robots/agent/navigation/test_docking.py", "experiments/test_export.py", "site/test_static_files.py",
 )  # fmt: skip
+
+# A busy computer is slow at everything: an example that takes long is no finding.
+settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("patient")
 
 
 @pytest.fixture(autouse=True)
