@@ -93,6 +93,7 @@ class SocketPage(Expecting):
             "max_size": None,
             "compression": None,
             "proxy": None,
+            "open_timeout": patient(SECONDS),
         }  # fmt: skip
         self.seen = []
         self.slow = slow
