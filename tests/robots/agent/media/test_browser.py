@@ -70,4 +70,4 @@ async def test_a_chromium_viewer_keeps_its_picture_through_an_outage_of_the_came
         seen = (await page.report())["decoded"]
         report = await page.report_when(f"report.decoded > {seen + 20}")
         assert report["state"] == "connected"
-        assert abs(report["stampErrors"][-1]) < 0.002
+        assert statistics.median(map(abs, report["stampErrors"][-10:])) < 0.002

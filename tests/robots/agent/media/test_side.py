@@ -2,7 +2,9 @@
 
 import asyncio
 import random
+import statistics
 import time
+from itertools import pairwise
 
 import pytest
 
@@ -41,10 +43,8 @@ async def test_the_page_learns_when_each_picture_was_captured(new_page) -> None:
 async def test_the_clock_is_told_again_every_second(new_page) -> None:
     page = new_page("p1", decode=False)
     await page.connect()
-    await until(lambda: len(page.clocks()) >= 3, what="three clocks")
-    first, second, third = page.clocks()[:3]
-    assert 0.9 < second.stamp - first.stamp < 1.5
-    assert 0.9 < third.stamp - second.stamp < 1.5
+    await until(lambda: len(page.clocks()) >= 6, what="six clocks")
+    assert 0.9 < statistics.median(after.stamp - before.stamp for before, after in pairwise(page.clocks()[:6])) < 1.5
 
 
 async def test_one_encoder_serves_every_viewer_the_same_pictures(new_page) -> None:
@@ -159,11 +159,13 @@ async def test_a_camera_that_fails_says_why_and_the_picture_goes_on_when_it_is_b
     camera.fail("the camera is unplugged")
     await until(lambda: media.camera.status == "failed")
     assert media.camera.reason == "the camera is unplugged"
+    await asyncio.sleep(1.0)  # so that there is no longer gap between two pictures
     held = len(page.pictures)
     assert media.connected == 1, "the viewer stays"
     camera.recover()
     await until(lambda: len(page.pictures) > held + 5, what="pictures again")
-    assert page.pictures[held][1] or page.pictures[held + 1][1], "a fresh encoder begins with a key frame"
+    first = max(range(1, len(page.pictures)), key=lambda n: page.pictures[n][0] - page.pictures[n - 1][0])
+    assert page.pictures[first][1], "a fresh encoder begins with a key frame"
     assert media.camera.status == "live"
     assert not page.exchange.byes("p1")
 
