@@ -16,7 +16,7 @@ from tests.support.memory_broker import MemoryLink
 from tests.support.patience import patient
 from tests.support.scripted_robot import ScriptedRobot
 
-QUICK = 0.1  # s; half of it is what a clock may be wrong by
+QUICK = 0.05  # s; half of it is what a clock may be wrong by
 
 
 class ListeningMedia:

@@ -42,10 +42,9 @@ def test_a_drive_whose_architecture_is_killed_ends_standing_is_said_and_goes_on_
         motion = lambda: rca.world.sim.motion.linear  # noqa: E731
         rig.grant()
         rig.drive(0.25, until=lambda: any(s.velocity.linear > 0.15 for s in rig.link.all("state")))
-        driven = rig.link.all("state")[-1]
         assert any(s.applied for s in rig.link.all("state"))
         if "localization" in rca.adapter().profile.capabilities:
-            assert driven.pose.localized
+            rig.link.wait("state", lambda s: s.pose.localized)
         said = len(rig.link.sent)  # before it was reached for the first time it was lost as well
         rca.kill()
         lost = rig.link.wait("state", lambda s: any(text.startswith("adapter_lost: ") for text in s.errors), since=said, within=8.0)
@@ -59,7 +58,7 @@ def test_a_drive_whose_architecture_is_killed_ends_standing_is_said_and_goes_on_
         rca.revive()
         rig.link.wait("event", lambda event: event.type == "adapter_back", within=20.0)
         rig.lease(renewal=1)
-        rig.push(0.0)
+        rig.drive(0.0, until=lambda: not rig.kernel.held)
         rig.drive(0.25, until=lambda: motion() > 0.2)
         rig.act(m.Stop(action_id="stop-1", stamp=time.time()))
         rig.wait(lambda: motion() == 0.0)

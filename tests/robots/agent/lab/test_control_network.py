@@ -98,7 +98,7 @@ def test_a_command_that_the_network_has_made_too_old_is_refused_as_ever(rig):
 
 
 def test_what_was_under_way_when_the_driver_stopped_moves_nothing_any_more(rig):
-    impaired(rig, m.NetworkLab(delay=0.3))
+    impaired(rig, m.NetworkLab(delay=0.8))  # so long that the stop is said meanwhile also by a driver who is held up
     for _ in range(4):
         rig.push(0.5)
     rig.act(own(m.Stop, "stop-1", seq=rig.seq + 1), way="datachannel")

@@ -173,7 +173,7 @@ def test_an_operator_carries_the_robot_away_breaks_it_and_moves_doors() -> None:
         assert "desk-1 stands there" in fate.wish(wire.CarryTo(2.4, 7.2, 0.0))
         assert fate.wish(wire.SetDoors({"lab-door": "closed"})) == ""
         assert eventually(lambda: onlooker.truth().doors["lab-door"] == "closed")
-        with driving_agent(robot.address):
+        with driving_agent(robot.address, linear=0.25):  # there is less than a metre ahead
             assert eventually(lambda: onlooker.truth().linear > 0.05)
             assert fate.wish(wire.Break(Faults(wheels_stopped=True))) == ""
             assert eventually(lambda: onlooker.truth().linear == 0.0)
