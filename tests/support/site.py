@@ -34,13 +34,14 @@ DEMO_TOKEN = "tests-only"
 DATABASE = "telepresence.sqlite3"
 # Below those that the system gives to whoever asks for any: one of these would be somebody else's before the program listens that it is for.
 LOWEST_PORT, PORTS, SHARES = 20_000, 12_000, 8
+APART = 7  # some programs take the port above theirs as well
 
 
 def _ports() -> Iterator[int]:
     """Numbers of ports, each a long time before it comes again. Tests that run beside these have another share of them."""
     each, worker = PORTS // SHARES, int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
     first, begun = LOWEST_PORT + worker % SHARES * each, random.SystemRandom().randrange(each)
-    return (first + (begun + number) % each for number in itertools.count())
+    return (first + (begun + APART * number) % each for number in itertools.count())
 
 
 _NEXT_PORT = _ports()
