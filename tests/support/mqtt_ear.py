@@ -21,15 +21,15 @@ class Ear:
         self._client = paho.Client(CallbackAPIVersion.VERSION2)
         self._client.reconnect_delay_set(0.05, 0.2)
         self._client.on_connect = lambda client, *_: client.subscribe(topics.of(robot, "#"), qos=1)
-        self._subscribed = threading.Event()
-        self._client.on_subscribe = lambda *_: self._subscribed.set()
+        self.subscribed = threading.Event()
+        self._client.on_subscribe = lambda *_: self.subscribed.set()
         self._client.on_message = self._hear
         self._client.max_inflight_messages_set(1000)
-        self._client.connect_async("127.0.0.1", port, keepalive=5)
+        self._client.connect_async("127.0.0.1", port, keepalive=60)
 
     def __enter__(self):
         self._client.loop_start()
-        assert self._subscribed.wait(patient(10.0))
+        assert self.subscribed.wait(patient(10.0))
         return self
 
     def __exit__(self, *_):

@@ -171,15 +171,23 @@ def test_after_a_broker_restart_everything_retained_is_said_again_and_no_state_i
             agent.publish("state", state(seq))
         agent.publish("pose", m.PoseUpdate(stamp=9.0, pose=m.Pose(x=0.0, y=0.0, theta=0.0), velocity=m.Velocity(linear=0.0, angular=0.0)))
         seen = ear.count
+        # What the agent sends before the ear is back is what a server asks for again: it is held up until then, and all of it must be here.
+        held_up = threading.Event()
+        ear.subscribed.clear()
+
+        def wait_for_the_ear():
+            held_up.set()
+            ear.subscribed.wait(patient(10.0))
+
+        agent.call(wait_for_the_ear)
+        assert held_up.wait(patient(10.0))
         broker.start()
         assert ear.wait("connection", since=seen).state == "ONLINE"
         ear.wait("factsheet", since=seen)
-        # What the agent sent before the ear was back is what a server asks for again; all of the rest is here, once and in order.
         ear.wait("state", lambda s: s.seq == 300)
         agent.wait(lambda: not agent.link.outbox.unacknowledged and not len(agent.link.outbox))
         assert agent.link.outbox.lost == 0
-        late = [s.seq for s in ear.all("state") if s.seq > 20]
-        assert late == list(range(late[0], 301))
+        assert [s.seq for s in ear.all("state") if s.seq > 20] == list(range(21, 301))
         assert ear.all("pose") == [], "a pose of the past is of no use to anybody"
 
 
@@ -234,8 +242,9 @@ def test_of_two_agents_of_one_robot_the_older_one_yields_until_the_newer_has_gon
         with LinkThread(broker.url, newer) as new:
             old.wait(lambda: old.inbox.rivals == [newer.boot])
             assert new.inbox.rivals == []
+            seen = ear.count
         old.wait(lambda: old.inbox.rivals == [newer.boot, None])
-        assert ear.wait("connection", lambda c: c.state == "ONLINE" and c.boot == SHEET.boot, since=ear.count - 1)
+        assert ear.wait("connection", lambda c: c.state == "ONLINE" and c.boot == SHEET.boot, since=seen)
 
 
 def test_an_agent_waits_for_a_broker_that_is_not_there_yet(tmp_path):
