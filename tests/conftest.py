@@ -29,9 +29,11 @@ LONG = (
     "robots/agent/navigation/test_docking.py", "experiments/test_export.py", "site/test_static_files.py",
 )  # fmt: skip
 
-# A busy computer is slow at everything: an example that takes long is no finding.
-settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("patient")
+# A busy computer is slow at everything: an example that takes long is no finding. The same examples every time, so that a change is judged by
+# what it changes; `pytest --hypothesis-profile=search` looks for others.
+settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("same", settings.get_profile("search"), derandomize=True)
+settings.load_profile("same")
 
 
 @pytest.fixture(autouse=True)

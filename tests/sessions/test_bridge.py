@@ -244,7 +244,6 @@ def liars(site):
 @settings(
     max_examples=300,
     deadline=None,
-    derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow, HealthCheck.data_too_large],
 )
 @given(bad=BAD, forged=FORGED)

@@ -19,7 +19,7 @@ def test_a_chunk_is_a_second_of_a_session():
     assert [(chunk.first_seq, chunk.last_seq, len(chunk.states)) for chunk in fill(range(8, 20))] == [(8, 11, 4), (12, 15, 4), (16, 19, 4)]
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=200, deadline=None)
 @given(st.lists(st.integers(0, 200), unique=True), st.floats(0.01, 1.0))
 def test_chunks_have_every_state_once_without_holes(seqs, period):
     chunks = fill(seqs, period=period)

@@ -12,7 +12,7 @@ NUMBERS = st.integers(0, 60)
 RANGES = st.lists(st.tuples(NUMBERS, st.integers(0, 8)).map(lambda pair: (pair[0], pair[0] + pair[1])), max_size=20)
 
 
-@settings(max_examples=400, deadline=None, derandomize=True)
+@settings(max_examples=400, deadline=None)
 @given(ranges=RANGES, first=NUMBERS, width=st.integers(0, 40))
 def test_intervals_are_a_set_of_numbers(ranges, first, width):
     intervals, plain = Intervals(), set()
@@ -139,7 +139,7 @@ def test_a_robot_that_counts_strangely_costs_nothing(ledger):
     assert due(ledger, 100.0) == ([], [])
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=300, deadline=None)
 @given(st.permutations(range(1, 31)), st.sets(st.integers(2, 29), max_size=10))
 def test_in_whatever_order_states_come_what_is_owed_is_what_is_missing(order, lost):
     ledger = Ledger()

@@ -113,7 +113,7 @@ mails = st.builds(
 )  # fmt: skip
 
 
-@settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])  # a busy computer is slow at everything
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])  # a busy computer is slow at everything
 @given(st.lists(mails, max_size=3))
 def test_what_is_packed_is_unpacked(sent):
     packet = wire.pack(sent)
@@ -123,7 +123,7 @@ def test_what_is_packed_is_unpacked(sent):
     assert [(m.type, m.key, m.value, m.time, m.source) for m in found] == [(m.type, m.key, m.value, m.time, m.source) for m in sent]
 
 
-@settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.binary(max_size=120), st.integers(1, 3))
 def test_nonsense_is_refused_and_nothing_else(body, count):
     try:
