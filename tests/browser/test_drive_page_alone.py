@@ -17,6 +17,7 @@ from tests.support.patience import patient
 
 pytestmark = pytest.mark.browser
 WIDE, UPRIGHT, LOW = (1280, 800), (390, 844), (844, 390)
+HELD = 8.0  # s that a key is held before it is pressed anew
 HELD_UP = {"stale", "frame_stale", "old_seq"}  # why a robot refuses what was under way for a while, and what was overtaken on the other way meanwhile
 
 
@@ -62,6 +63,20 @@ async def until(condition: Callable[[], Any], seconds: float = 10.0) -> Any:
     return found
 
 
+async def hold(page: Page, key: str, condition: Callable[[], Any], seconds: float = 10.0) -> Any:
+    """Hold a key until a condition gives something, and on; return that. A link that is replaced lets go of every key, and people press again."""
+    deadline = time.monotonic() + patient(seconds)
+    while True:
+        await page.keyboard.down(key)
+        again = time.monotonic() + HELD
+        while time.monotonic() < again:
+            if found := condition():
+                return found
+            await asyncio.sleep(0.02)
+        assert time.monotonic() < deadline, f"nothing of the kind happened while {key} was held"
+        await page.keyboard.up(key)
+
+
 def stops(site: FakeRobotPage, way: str | None = None) -> list[Stop]:
     return [action for action in site.said("command/action", way) if isinstance(action, Stop)]
 
@@ -77,8 +92,7 @@ async def test_one_click_shows_the_robots_view_and_a_held_key_drives_it_over_the
         await page.click("text=Drive Giraff")
         await driving(page)
         before = site.simulation.pose
-        await page.keyboard.down("ArrowUp")
-        await until(lambda: [way for way, _ in site.applied].count("datachannel") >= 12)
+        await hold(page, "ArrowUp", lambda: [way for way, _ in site.applied].count("datachannel") >= 12)
         await page.keyboard.up("ArrowUp")
         await until(lambda: stands(site))
         assert site.simulation.pose.distance(before) > 0.01
@@ -113,9 +127,8 @@ async def test_a_command_says_which_picture_the_visitor_saw(browser, site):
 
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
-        await page.keyboard.down("KeyW")
         # Pictures may be held up for a while; of a moment that is still to come there is none.
-        commands = await until(lambda: [command for command in with_picture() if command.stamp - command.frame < 1.0][3:])
+        commands = await hold(page, "KeyW", lambda: [command for command in with_picture() if command.stamp - command.frame < 1.0][3:])
         now = time.time()
         await page.keyboard.up("KeyW")
         assert all(now - command.frame > -0.05 for command in commands)
@@ -146,8 +159,7 @@ async def test_the_marker_on_the_map_stands_where_the_robot_is(browser, site):
 async def test_the_stop_button_stops_on_both_ways_and_a_held_key_does_not_start_again(browser, site):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
-        await page.keyboard.down("ArrowUp")
-        await until(lambda: len(site.applied) > 5)
+        await hold(page, "ArrowUp", lambda: len(site.applied) > 5)
         await page.click("#stop")
         await until(lambda: stops(site, "datachannel") and stops(site, "mqtt"))
         last = site.applied[-1][1].seq
@@ -157,8 +169,7 @@ async def test_the_stop_button_stops_on_both_ways_and_a_held_key_does_not_start_
         await page.wait_for_selector("#stop:not([data-pending])")
         count = len(site.applied)
         await page.keyboard.up("ArrowUp")
-        await page.keyboard.down("ArrowUp")
-        await until(lambda: len(site.applied) > count)
+        await hold(page, "ArrowUp", lambda: len(site.applied) > count)
         assert site.applied[count][1].seq > stop.seq
         await page.keyboard.up("ArrowUp")
 
@@ -167,8 +178,7 @@ async def test_the_stop_button_stops_on_both_ways_and_a_held_key_does_not_start_
 async def test_a_page_that_loses_its_visitor_stops_the_robot_although_the_key_is_held(browser, site, happening):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
-        await page.keyboard.down("ArrowUp")
-        await until(lambda: len(site.applied) > 5)
+        await hold(page, "ArrowUp", lambda: len(site.applied) > 5)
         await page.evaluate(happening)
         await until(lambda: stops(site, "datachannel"))
         await until(lambda: site.simulation.motion.linear == 0.0)
@@ -215,16 +225,14 @@ async def test_a_silent_link_is_replaced_and_the_old_picture_is_marked_meanwhile
         await page.wait_for_selector("#cockpit:not([data-frozen])")
         assert len([signal for signal in site.said("signal") if hasattr(signal, "sdp")]) >= 2
         count = len(site.applied)
-        await page.keyboard.down("ArrowLeft")
-        await until(lambda: len(site.applied) > count + 3)
+        await hold(page, "ArrowLeft", lambda: len(site.applied) > count + 3)
         await page.keyboard.up("ArrowLeft")
 
 
 async def test_commands_change_their_way_when_the_data_channel_is_not_heard_and_their_numbers_go_on(browser, site):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
-        await page.keyboard.down("ArrowLeft")
-        await until(lambda: [way for way, _ in site.applied].count("datachannel") > 5)
+        await hold(page, "ArrowLeft", lambda: [way for way, _ in site.applied].count("datachannel") > 5)
         site.deaf_to_channel = True
         await until(lambda: site.applied[-1][0] == "mqtt")
         site.deaf_to_channel = False

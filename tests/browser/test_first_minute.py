@@ -8,7 +8,7 @@ import pytest
 from playwright.async_api import Browser, Page, async_playwright
 
 from sessions import wire
-from tests.browser.test_drive_page_alone import driving, opened, until
+from tests.browser.test_drive_page_alone import driving, hold, opened, until
 from tests.support.fake_robot_page import PRACTICE, FakeRobotPage
 from tests.support.patience import patient
 from tests.support.picture_server import jpeg_of
@@ -114,8 +114,7 @@ async def test_a_browser_without_live_video_drives_with_a_slow_picture(browser, 
     await page.wait_for_selector("#card[data-card=lobby]")
     await page.click("#card-main")
     await page.wait_for_selector("#cockpit[data-playing][data-slow]")
-    await page.keyboard.down("ArrowLeft")
-    await until(lambda: [way for way, command in site.applied if command.angular > 0.0] != [])
+    await hold(page, "ArrowLeft", lambda: [way for way, command in site.applied if command.angular > 0.0] != [])
     await page.keyboard.up("ArrowLeft")
     assert {way for way, _ in site.applied} == {"mqtt"}
 

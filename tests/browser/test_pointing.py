@@ -11,7 +11,7 @@ from robots.agent.permissions import Sender
 from robots.agent.world.sites import load_plan
 from robots.api.geometry import wrap_angle
 from robots.api.messages import Stop
-from tests.browser.test_drive_page_alone import UPRIGHT, WIDE, opened, stands, stops
+from tests.browser.test_drive_page_alone import UPRIGHT, WIDE, hold, opened, stands, stops
 from tests.browser.test_drive_page_alone import until as until_within
 from tests.support.browser_page import CHROMIUM, FLAGS
 from tests.support.fake_robot_page import FakeRobotPage
@@ -90,8 +90,7 @@ async def test_a_key_takes_over_from_the_mouse_and_a_gamepad_from_the_key_and_pu
             await driving(page)
             await page.mouse.click(*await place(page, 0.5, 0.75))
             await until(lambda: [c for _, c in site.applied if c.method == "mouse" and c.linear > 0.0])
-            await page.keyboard.down("ArrowLeft")
-            await until(lambda: [c for _, c in site.applied if c.method == "keyboard" and c.angular > 0.1])
+            await hold(page, "ArrowLeft", lambda: [c for _, c in site.applied if c.method == "keyboard" and c.angular > 0.1], PATIENCE)
             await page.evaluate(PAD)
             await page.wait_for_selector("#alert[data-word='pad.left']")
             await page.evaluate("() => { stub.axes = [1, 0, 0, 0]; }")
@@ -157,6 +156,5 @@ async def test_the_map_is_looked_around_on_swapped_and_made_large_and_the_keys_s
             await page.click("[data-action=map_large]")
             await page.wait_for_selector("#cockpit[data-map=large]")
             assert await page.is_visible("#video")
-            await page.keyboard.down("ArrowLeft")
-            await until(lambda: [c for _, c in site.applied if c.angular > 0.1])
+            await hold(page, "ArrowLeft", lambda: [c for _, c in site.applied if c.angular > 0.1], PATIENCE)
             await page.keyboard.up("ArrowLeft")

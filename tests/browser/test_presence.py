@@ -11,7 +11,7 @@ import pytest
 from playwright.async_api import Browser, Page, async_playwright
 
 from robots.api import messages as m
-from tests.browser.test_drive_page_alone import driving, until
+from tests.browser.test_drive_page_alone import driving, hold, until
 from tests.support.browser_page import CHROMIUM, FLAGS
 from tests.support.patience import patient
 from tests.support.present_robot_page import PresentRobotPage
@@ -146,8 +146,7 @@ async def test_voice_and_face_reach_the_robots_loudspeaker_and_its_screen_and_wo
     await page.press("#talk-field", "Enter")
     await screen.wait_for_selector("#messages >> text=was hello wasd")
     assert await screen.evaluate("spoken") == [["was hello wasd", "en"]]
-    await page.keyboard.down("w")
-    await until(lambda: any(command.linear > 0 for _, command in site.applied[before:]))
+    await hold(page, "w", lambda: any(command.linear > 0 for _, command in site.applied[before:]))
     await page.keyboard.up("w")
     await screen.click("text=One moment, please")
     await page.wait_for_selector("#talk-list >> text=One moment, please")

@@ -8,7 +8,7 @@ import pytest
 from playwright.async_api import Page, async_playwright
 
 from sessions import wire
-from tests.browser.test_drive_page_alone import driving, stops, until
+from tests.browser.test_drive_page_alone import driving, hold, stops, until
 from tests.support.browser_page import CHROMIUM, FLAGS
 from tests.support.fake_robot_page import FakeRobotPage
 
@@ -95,9 +95,8 @@ async def _in_a_study(page: Page, site: FakeRobotPage) -> None:
     await page.click("#full-screen")
     await until_page(page, "() => document.fullscreenElement !== null")
     await page.click("#presence-volumes")
-    await page.keyboard.down("ArrowUp")
     known = len(site.applied)
-    await until(lambda: len(site.applied) > known + 3)
+    await hold(page, "ArrowUp", lambda: len(site.applied) > known + 3)
     halts = len(stops(site))
     await page.evaluate("document.exitFullscreen()")  # what the browser does on Escape, which a page never sees; whoever drives has stopped
     await until(lambda: len(stops(site)) > halts)

@@ -14,7 +14,7 @@ from experiments.shipped import shipped
 from robots.agent.world.sites import load_plan
 from robots.api.messages import Photo
 from sessions import wire
-from tests.browser.test_drive_page_alone import LOW, UPRIGHT, WIDE, opened
+from tests.browser.test_drive_page_alone import LOW, UPRIGHT, WIDE, hold, opened
 from tests.browser.test_drive_page_alone import until as until_within
 from tests.support.browser_page import CHROMIUM, FLAGS
 from tests.support.fake_robot_page import STEP, FakeRobotPage
@@ -109,8 +109,7 @@ async def test_the_photo_is_taken_judged_and_taken_again_while_the_keys_still_dr
         tell(site, "photo_turn_left", number=4, x=8.1, y=2.2, passed=(1, 2, 3, 4), window="open")
         photo = page.get_by_role("region", name="Photo")
         await expect(photo.get_by_text("You cannot see yourself yet: turn left.")).to_be_visible(timeout=PATIENCE)
-        await page.keyboard.down("ArrowLeft")
-        await until(lambda: any(command.angular > 0.0 for _, command in site.applied))
+        await hold(page, "ArrowLeft", lambda: any(command.angular > 0.0 for _, command in site.applied), PATIENCE / 1000)
         await page.keyboard.up("ArrowLeft")
         await photo.get_by_role("button", name="Take photo").click()
         taken = await until(lambda: [action for action in site.said("command/action") if isinstance(action, Photo)])
@@ -185,8 +184,7 @@ async def test_the_record_has_the_layout_the_map_the_controller_and_a_hidden_tab
             "camera",
             "microphone",
         }
-        await page.keyboard.down("ArrowUp")
-        await until(lambda: written(site, "controller") == [{"method": "keyboard"}])
+        await hold(page, "ArrowUp", lambda: written(site, "controller") == [{"method": "keyboard"}], PATIENCE / 1000)
         await page.keyboard.up("ArrowUp")
         await page.set_viewport_size({"width": 844, "height": 390})
         await until(lambda: [data["layout"] for data in written(site, "layout")] == ["wide", "low"])
