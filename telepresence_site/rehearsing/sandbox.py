@@ -4,6 +4,7 @@ Nothing in it touches the site that it was made from: a study goes in as a file,
 processes that may keep a quick pace (experiments/bots/pace.py), which the site's own processes must never do.
 """
 
+import copy
 import os
 import socket
 import time
@@ -55,8 +56,10 @@ def pack(row: Study, folder: Path) -> None:
     asked = {(step.questionnaire, step.version) for step in definition.steps if isinstance(step, Form | Questionnaire)}
     questionnaires = [one for one in QuestionnaireRow.objects.all() if (one.slug, one.version) in asked]
     plans = FloorPlan.objects.filter(name__in={condition.site for condition in definition.conditions})
+    alone = copy.copy(row)
+    alone.published_by = None  # who did it is nobody in there
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / STUDY_FILE).write_text(serializers.serialize("json", [*plans, *questionnaires, row]), encoding="utf-8")
+    (folder / STUDY_FILE).write_text(serializers.serialize("json", [*plans, *questionnaires, alone]), encoding="utf-8")
 
 
 def environment(folder: Path, given: dict[str, str]) -> dict[str, str]:
