@@ -76,6 +76,11 @@ class Cockpit:
         if self._socket is not None:
             await self._socket.close()
 
+    @property
+    def is_open(self) -> bool:
+        """Tell whether the page is there and has its connection."""
+        return bool(self._tasks) and self.closed is None
+
     async def lose_network(self) -> None:
         """Be gone without a word."""
         await self._end_tasks()

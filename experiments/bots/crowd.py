@@ -80,8 +80,11 @@ class Crowd:
             self.pace.set(governor.decide(self._round_trips(), lag))
 
     def _round_trips(self) -> list[float]:
-        """Return the round trip of each who drives, or how long the robot's next heartbeat is overdue when that is more."""
+        """Return the round trip of each who drives, or how long the robot's next heartbeat is overdue when that is more.
+
+        Who is away hears nothing, and that is nobody's lateness.
+        """
         now = self.clock()
-        views = [bot.drive.view for bot in self._living if bot.drive is not None]
+        views = [bot.drive.view for bot in self._living if bot.drive is not None and bot.drive.cockpit.is_open]
         driving = [view for view in views if view.granted and view.ended is None and view.round_trip is not None]
         return [max(view.round_trip or 0.0, now - view.beats[-1][2] - BEAT) for view in driving]
