@@ -7,8 +7,6 @@ import signal
 import socket
 import sys
 import time
-import urllib.error
-import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -24,11 +22,11 @@ from robots.models import Robot
 from sessions.models import ManagerBeat
 from telepresence_site.demo import lan
 from telepresence_site.demo.children import Children, Part, StartFailed
+from telepresence_site.demo.ports import LOOPBACK, answers, free_port, listening
 from telepresence_site.demo.seed import RESEARCHER, ROBOTS, seed
 from telepresence_site.demo.study import publish_study
 from telepresence_site.serving import APPLICATION, DAPHNE
 
-LOOPBACK = "127.0.0.1"
 COMPANY = {"giraff": ["--option", "people=1"]}  # each robot lives in a simulated office of its own; somebody walks about in Giraff's
 
 
@@ -58,14 +56,6 @@ def step(name: str) -> Iterator[None]:
     print(f" {time.monotonic() - started:5.1f} s", flush=True)
 
 
-def free_port() -> int:
-    """Return a port that is free on the loopback address just now."""
-    with socket.socket() as probe:
-        probe.bind((LOOPBACK, 0))
-        port: int = probe.getsockname()[1]
-        return port
-
-
 def require_free(host: str, port: int) -> None:
     """Raise DemoError when somebody listens there already."""
     with socket.socket() as probe:
@@ -78,13 +68,6 @@ def require_free(host: str, port: int) -> None:
             raise DemoError(
                 f"Port {port} is in use: stop what listens there, or choose another one with make demo PORT={port % 64000 + 1}."
             ) from error
-
-
-def listening(port: int) -> bool:
-    """Tell whether somebody accepts connections on a loopback port."""
-    with socket.socket() as probe:
-        probe.settimeout(0.5)
-        return probe.connect_ex((LOOPBACK, port)) == 0
 
 
 class Demo:
@@ -178,11 +161,7 @@ class Demo:
     def _web_answers(self) -> bool:
         if self.options.lan:  # the certificate is nobody's to check here; that the port answers is enough
             return listening(self.options.port)
-        try:
-            with urllib.request.urlopen(f"{self.address}/healthz", timeout=2) as answer:  # noqa: S310 -- our own address
-                return bool(answer.status == 200)  # noqa: PLR2004
-        except (urllib.error.URLError, OSError):
-            return False
+        return answers(self.address)
 
     def _robot_is_online(self, name: str) -> bool:
         robot = Robot.objects.get(name=name)

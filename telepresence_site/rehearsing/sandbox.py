@@ -6,10 +6,6 @@ processes that may keep a quick pace (experiments/bots/pace.py), which the site'
 
 import copy
 import os
-import socket
-import time
-import urllib.error
-import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -30,10 +26,10 @@ from robots.models import FloorPlan, Robot
 from sessions.models import ManagerBeat
 from surveys.models import Questionnaire as QuestionnaireRow
 from telepresence_site.demo.children import Children, Part, StartFailed
+from telepresence_site.demo.ports import LOOPBACK, answers, free_port, listening
 from telepresence_site.demo.seed import OFFICE
 from telepresence_site.serving import APPLICATION, DAPHNE
 
-LOOPBACK = "127.0.0.1"
 STUDY_FILE = "study.json"
 START_SECONDS = 600.0  # for each part: whoever rehearses may have other work for the computer
 FPS = "6"  # of the cameras: bots take four pictures a second, and drawing them is what costs most
@@ -67,7 +63,7 @@ def environment(folder: Path, given: dict[str, str]) -> dict[str, str]:
     kept = {name: value for name, value in given.items() if name not in LEFT_BEHIND}
     ours = {
         "VAR_DIR": str(folder), "HTTP_ONLY": "1", "PLAIN_STATIC": "1", "PYTHONUNBUFFERED": "1", "SIGNUP_OPEN": "1", "EMAIL_VERIFICATION": "none",
-        "MQTT_URL": f"mqtt://{LOOPBACK}:{_free_port()}", "ALLOWED_HOSTS": LOOPBACK, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1",
+        "MQTT_URL": f"mqtt://{LOOPBACK}:{free_port()}", "ALLOWED_HOSTS": LOOPBACK, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1",
     }  # fmt: skip
     return {**kept, **ours}
 
@@ -121,12 +117,12 @@ def running(definition: Definition, sites: Path) -> Iterator[str]:
 
 def _start(children: Children, definition: Definition, sites: Path) -> str:
     manage = str(settings.BASE_DIR / "manage.py")
-    mqtt_port, web_port = int(settings.MQTT_URL.rpartition(":")[2]), _free_port()
+    mqtt_port, web_port = int(settings.MQTT_URL.rpartition(":")[2]), free_port()
     site = f"http://{LOOPBACK}:{web_port}"
     parts = [
-        Part("broker", [manage, "run_broker", "--host", LOOPBACK, "--port", str(mqtt_port)], lambda: _listens(mqtt_port)),
+        Part("broker", [manage, "run_broker", "--host", LOOPBACK, "--port", str(mqtt_port)], lambda: listening(mqtt_port)),
         Part("session manager", [manage, "run_session_manager"], ManagerBeat.objects.exists),
-        Part("web server", [*DAPHNE, "-b", LOOPBACK, "-p", str(web_port), APPLICATION], lambda: _answers(site)),
+        Part("web server", [*DAPHNE, "-b", LOOPBACK, "-p", str(web_port), APPLICATION], lambda: answers(site)),
     ]
     for name, (series, plan) in _robots(definition).items():
         where = plan if plan in shipped_sites() else str(sites / plan)
@@ -138,25 +134,3 @@ def _start(children: Children, definition: Definition, sites: Path) -> str:
 
 def _online(name: str) -> Callable[[], bool]:
     return lambda: Robot.objects.filter(name=name, connection="ONLINE").exclude(factsheet=None).exists()
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind((LOOPBACK, 0))
-        port: int = probe.getsockname()[1]
-        return port
-
-
-def _listens(port: int) -> bool:
-    with socket.socket() as probe:
-        probe.settimeout(0.5)
-        return probe.connect_ex((LOOPBACK, port)) == 0
-
-
-def _answers(site: str) -> bool:
-    try:
-        with urllib.request.urlopen(f"{site}/healthz", timeout=2) as answer:  # noqa: S310 -- our own address
-            return bool(answer.status == 200)  # noqa: PLR2004
-    except (urllib.error.URLError, OSError):
-        time.sleep(0.1)
-        return False
