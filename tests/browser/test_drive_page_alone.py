@@ -13,11 +13,10 @@ from robots.api.messages import Stop, VelocityCommand
 from sessions import wire
 from tests.support.browser_page import CHROMIUM, FLAGS
 from tests.support.fake_robot_page import FakeRobotPage
-from tests.support.patience import patient
+from tests.support.patience import HELD, patient
 
 pytestmark = pytest.mark.browser
 WIDE, UPRIGHT, LOW = (1280, 800), (390, 844), (844, 390)
-HELD = 8.0  # s that a key is held before it is pressed anew
 HELD_UP = {"stale", "frame_stale", "old_seq"}  # why a robot refuses what was under way for a while, and what was overtaken on the other way meanwhile
 
 

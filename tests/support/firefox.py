@@ -13,11 +13,10 @@ from typing import Any
 
 from websockets.sync.client import connect
 
-from tests.support.patience import patient
+from tests.support.patience import HELD, patient
 from tests.support.site import wait_for
 
 FIREFOX = "/usr/bin/firefox-esr"
-HELD = 8.0  # s that a key is held before it is pressed anew
 PREFERENCES = {
     "media.autoplay.default": 0,
     "media.navigator.permission.disabled": True,

@@ -5,6 +5,7 @@ quick is measured in the benchmarks.
 """
 
 FACTOR = 4.0
+HELD = 8.0  # s that a key is held before it is pressed anew: a page whose link is replaced lets go of every key
 
 
 def patient(seconds: float) -> float:

@@ -9,7 +9,7 @@ from typing import Any
 from playwright.sync_api import Browser, Page, Playwright, expect
 from playwright.sync_api import Error as PlaywrightError
 
-from tests.support.patience import patient
+from tests.support.patience import HELD, patient
 from tests.support.site import LOOPBACK, Site, wait_for
 
 CHROMIUM = "/usr/bin/chromium"
@@ -18,7 +18,6 @@ FLAGS = [
     "--autoplay-policy=no-user-gesture-required",
 ]  # fmt: skip
 FRAMES = "document.getElementById('video').getVideoPlaybackQuality().totalVideoFrames"
-HELD = 8.0  # s that a key is held before it is pressed anew
 # Greyscale statistics of the picture: a video that plays black or grey has hardly any spread.
 SPREAD = """() => {
   const video = document.getElementById('video'), canvas = document.createElement('canvas');
