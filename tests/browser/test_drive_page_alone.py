@@ -97,6 +97,7 @@ async def test_one_click_shows_the_robots_view_and_a_held_key_drives_it_over_the
         assert site.simulation.pose.distance(before) > 0.01
         assert [command.seq for _, command in site.applied] == sorted({command.seq for _, command in site.applied})
         assert set(site.refused) <= {"clock_unknown", *HELD_UP}
+        assert sum(site.refused[reason] for reason in HELD_UP) < len(site.applied), "it is held up for a while, and not for most of the drive"
 
 
 @pytest.mark.parametrize("missing", ["**/js/connection/peer.js", "**/js/console.js", "**/css/drive.css"])
