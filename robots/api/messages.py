@@ -468,7 +468,7 @@ class Dock(Action, frozen=True, kw_only=True, tag_field="type", tag="dock"):
 
 
 class Undock(Action, frozen=True, kw_only=True, tag_field="type", tag="undock"):
-    """Back out of the charging station."""
+    """Back out of the charging station and, where the robot can, turn round, so that the way ahead is free."""
 
 
 class Cancel(Action, frozen=True, kw_only=True, tag_field="type", tag="cancel"):

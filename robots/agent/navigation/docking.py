@@ -9,6 +9,7 @@ Distances in this file are in the frame of the docked robot: x < 0 before the st
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -44,6 +45,9 @@ BACK_SPEED = 0.15  # m/s
 STAND_BACK = 0.06  # room to turn that is left before the station: metres
 OUT = 0.4  # metres to back out, at least
 PATIENCE = 20.0  # seconds to wait until what stands behind is gone
+FACING = 0.1  # radians from straight away from the station, when a robot has turned round
+BACKED = 0.5  # progress of a robot that is out and has yet to turn
+HELD_UP = 5.0  # seconds after which a robot that cannot turn leaves it at that
 EXEMPT = 0.08  # what stands no farther before the station's front than this is the station: metres
 
 
@@ -250,24 +254,46 @@ class _Reverse:
 
 
 class Undocking:
-    """Back out far enough to turn."""
+    """Back out far enough to turn; with `about`, turn round as well, so that the room is before the robot and no longer its station."""
 
     needs_map = False
 
-    def __init__(self, dock: Dock | None, check: BrakeCheck, limits: Limits, circumscribed: float) -> None:
+    def __init__(self, dock: Dock | None, check: BrakeCheck, limits: Limits, circumscribed: float, *, about: bool) -> None:
         room = circumscribed + STAND_BACK - (dock.station.distance if dock else 0.0)
         self._reverse = _Reverse(check, limits, max(OUT, room))
-        self._begun = False
+        self._turn = Follower(check, limits) if about else None
+        self._away: float | None = None  # the heading away from the station, in the odometry's frame
+        self._is_out = False
+        self._held_since: float | None = None
 
     def step(self, sense: Sense) -> Step:
         """Return what to do now."""
-        if not self._begun and not sense.docked:
-            return finished("the robot was not docked")
-        self._begun = True
+        if self._away is None:
+            if not sense.docked:
+                return finished("the robot was not docked")
+            self._away = wrap_angle(sense.odometry.theta + math.pi)
+        if self._is_out:
+            return self._face_away(self._away, sense)
         step = self._reverse.step(sense)
         if step.status == "FINISHED" and sense.docked:
             return failed("the robot is still in its charging station")
-        return step
+        if step.status == "FINISHED" and self._turn is not None:
+            self._is_out = True
+            return Step(ZERO, "RUNNING", progress=BACKED)
+        return replace(step, progress=step.progress * BACKED) if self._turn is not None and step.status == "RUNNING" else step
+
+    def _face_away(self, away: float, sense: Sense) -> Step:
+        """Turn; the robot is out already, so that it is done too where it has no room or somebody stays in the way."""
+        assert self._turn is not None
+        error = wrap_angle(away - sense.odometry.theta)
+        turned = self._turn.turn(error, sense.velocity, sense.hazards, FACING)
+        if turned.state != "held":
+            self._held_since = None
+        elif self._held_since is None:
+            self._held_since = sense.now
+        if turned.state == "arrived" or (self._held_since is not None and sense.now - self._held_since > HELD_UP):
+            return finished()
+        return Step(turned.velocity, "RUNNING", progress=BACKED + (1.0 - BACKED) * (1.0 - abs(error) / math.pi))
 
 
 def _between(old: Pose2D, new: Pose2D, share: float) -> Pose2D:

@@ -125,8 +125,8 @@ class Navigator:
         self._begin(Docking(dock, self._check, self.limits, self._approach))
 
     def undock(self) -> None:
-        """Back out of the charging station."""
-        self._begin(self._undocking())
+        """Back out of the charging station and turn round."""
+        self._begin(self._undocking(about=True))
 
     def cancel(self) -> None:
         """End the task; the next step brakes."""
@@ -175,9 +175,9 @@ class Navigator:
     def _approach(self, pose: Pose2D) -> Journey:
         return self._journey([self._planner.goal(pose.x, pose.y)], pose.theta)
 
-    def _undocking(self) -> Undocking:
+    def _undocking(self, *, about: bool) -> Undocking:
         dock = self.plan.dock_of(self.series) if self.plan else None
-        return Undocking(dock, self._check, self.limits, self._costmap.circumscribed)
+        return Undocking(dock, self._check, self.limits, self._costmap.circumscribed, about=about)
 
     def _idle(self, velocity: Velocity) -> Step:
         standing = velocity == ZERO and self._asked == ZERO
@@ -210,7 +210,7 @@ class Navigator:
         assert self._task is not None
         assert self._beams is not None
         if docked and isinstance(self._task, Journey) and self._then is None:
-            self._then, self._task = self._task, self._undocking()
+            self._then, self._task = self._task, self._undocking(about=False)  # the journey turns as its way asks for
         pose, beams_from = self._whereabouts.pose(), self._whereabouts.odometry_at(self._beams.stamp)
         hazards = self._hazards(odometry, beams_from, points, now)
         return self._task.step(Sense(now, pose, odometry, velocity, hazards, self._beams, beams_from, docked))

@@ -61,7 +61,7 @@ export const createOverlay = ({ store, element, steering, pictureStamp, stop, re
     onEnd: (end, kind) => {
       store.update({ errand: null });
       if (end !== "taken" && !(end === "there" && kind !== "back")) {
-        say(end === "there" ? "task.done.undock" : `point.${end}`);
+        say(end === "there" ? "task.done.back" : `point.${end}`);
       }
     },
   });

@@ -5,7 +5,9 @@ import math
 import pytest
 from msgspec.structs import replace
 
+from robots.agent.motion import ZERO
 from robots.agent.navigation.costmap import NoWayError
+from robots.agent.navigation.follower import Followed, Follower
 from robots.agent.navigation.navigator import Navigator
 from robots.agent.simulator.drive import STILL
 from robots.agent.simulator.profiles import GIRAFF, MODELS, RobotModel
@@ -35,12 +37,34 @@ def test_from_another_room_the_robot_docks_and_stays_docked(series: str, model: 
 
 
 @pytest.mark.parametrize(("series", "model"), BOTH)
-def test_undocking_leaves_room_to_turn(series: str, model: RobotModel) -> None:
+def test_undocking_leaves_room_to_turn_and_ends_with_the_station_behind(series: str, model: RobotModel) -> None:
     made = rig("dock", model)
+    before = made.sim.pose.theta
     made.navigator.undock()
-    assert made.run(20.0).status == "FINISHED"
-    assert not made.sim.docked
+    done = made.run(30.0)
+    assert (done.status, made.sim.docked, made.sim.contacts) == ("FINISHED", False, 0)
     assert made.sim.clearance() > 0.1
+    assert abs(math.remainder(made.sim.pose.theta - before, math.tau)) > math.pi - 0.2
+
+
+def test_a_robot_that_has_no_room_to_turn_before_its_station_is_out_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Follower, "turn", lambda *_: Followed(ZERO, "held", "thing"))
+    made = rig("dock")
+    made.navigator.undock()
+    done = made.run(30.0)
+    assert (done.status, made.sim.docked) == ("FINISHED", False)
+    assert abs(math.remainder(made.sim.pose.theta - math.pi, math.tau)) < 0.1
+
+
+def test_undocking_backs_out_first_and_turns_then() -> None:
+    made = rig("dock")
+    made.navigator.undock()
+    seen = []
+    while (step := made.step()).status == "RUNNING":
+        seen.append((round(step.progress, 6), abs(math.remainder(made.sim.pose.theta - math.pi, math.tau)) > 0.1))
+    assert [progress for progress, _ in seen] == sorted(progress for progress, _ in seen)
+    assert {turned for progress, turned in seen if progress < 0.5} == {False}
+    assert {turned for progress, turned in seen if progress > 0.6} == {True}
 
 
 def test_docking_a_docked_robot_and_undocking_a_free_one_are_done_at_once() -> None:
