@@ -2,11 +2,13 @@
 # make test    set up what the tests need, and run all of them
 # make lint    style, types, and the direction of imports
 # make bench   the benchmarks; results in benchmarks/results
+# make screenshots    pictures of all pages, to be looked at, in var/screenshots
 # make docs    write the generated reference again
 # make lock    resolve the dependencies again
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+PHOTOGRAPHED := $(addprefix tests/browser/test_,accessibility.py autonomy.py slow_picture.py replay.py presence.py)
 export PORT LAN RESET
 
 .PHONY: demo test lint bench docs lock setup setup-dev screenshots
@@ -33,6 +35,9 @@ bench: setup-dev
 
 screenshots: setup-dev
 	$(BIN)/python -m tests.browser.screenshots
+	mkdir -p var/screenshots/es
+	SCREENSHOTS=var/screenshots $(BIN)/python -m pytest -q $(PHOTOGRAPHED)
+	SCREENSHOTS=var/screenshots/es SCREENSHOTS_LANGUAGE=es $(BIN)/python -m pytest -q tests/browser/test_accessibility.py -k "strangers or visitors or step"
 
 docs: setup-dev
 	$(BIN)/python -m robots.api.reference

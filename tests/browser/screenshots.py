@@ -1,4 +1,6 @@
-"""`make screenshots`: the pages in their states and sizes, as PNG files in var/screenshots, to be looked at.
+"""The landing page, the account pages and the drive page in its states and sizes, as PNG files in var/screenshots, to be looked at.
+
+`make screenshots` also has the tests that visit every other page keep what they see (tests/support/photographs.py).
 
 The pictures that browsers show to whoever installs the page (static/img/screens) are taken again as well; those of the README are
 tests/browser/readme_pictures.py's.

@@ -1,5 +1,7 @@
 """axe-core finds nothing on any page: a stranger's, a visitor's, a participant's, a researcher's, the drive page and the robot's own screen."""
 
+import re
+
 import msgspec
 import pytest
 from axe_playwright_python.sync_playwright import Axe
@@ -13,6 +15,7 @@ from tests.browser.test_task import guide, tell
 from tests.support import participants as p
 from tests.support.fake_robot_page import FakeRobotPage
 from tests.support.people import person
+from tests.support.photographs import LANGUAGE, keep
 from tests.support.present_robot_page import PresentRobotPage
 from tests.support.study_walk import Walker
 from tests.support.visitor import chromium
@@ -20,6 +23,7 @@ from tests.support.words import factsheet
 
 pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
 SIZES = [(1280, 800), (390, 844)]
+NAMES = {1280: "desktop", 390: "phone", 844: "landscape"}
 PATIENCE = 60_000  # ms
 # Still life alone: what fades in has every contrast on its way.
 STILL = {"reduced_motion": "reduce"}
@@ -39,7 +43,7 @@ def opened(browser, live_server):
     contexts = []
 
     def open_it(client: Client | None = None) -> Page:
-        context = browser.new_context(base_url=live_server.url, locale="en", **STILL)
+        context = browser.new_context(base_url=live_server.url, locale=LANGUAGE, **STILL)
         contexts.append(context)
         if client is not None:
             context.add_cookies([{"name": "sessionid", "value": client.cookies["sessionid"].value, "url": live_server.url}])
@@ -50,11 +54,17 @@ def opened(browser, live_server):
         context.close()
 
 
+def called(where: str) -> str:
+    """Return what a picture of a page is called: its address without what is of this run alone."""
+    return re.sub(r"[^a-z]+", "-", re.sub(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}", "", where.lower())).strip("-") or "home"
+
+
 def faults(page: Page, where: str, sizes=SIZES) -> list[str]:
     """Return what axe-core finds at every size, a line each."""
     found = []
     for width, height in sizes:
         page.set_viewport_size({"width": width, "height": height})
+        keep(page, f"{called(where)}-{NAMES[width]}", whole=True)
         for violation in Axe().run(page).response["violations"]:
             places = "; ".join(f"{node['target'][0]} {node['html'][:120]}" for node in violation["nodes"][:4])
             found.append(f"{where} {width}x{height}: {violation['id']} ({violation['impact']}): {places}")

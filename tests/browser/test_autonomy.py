@@ -1,7 +1,6 @@
 """What a visitor sees and does of a robot that drives by itself: the dock, a point on the map, help near obstacles, a lost robot, the way home."""
 
 import math
-import os
 import re
 
 import pytest
@@ -9,6 +8,7 @@ from playwright.sync_api import expect
 
 from robots.agent.simulator.wire import CarryTo
 from tests.support.patience import patient
+from tests.support.photographs import keep_at_all_sizes
 from tests.support.site import wait_for
 from tests.support.truth import Fate
 
@@ -23,15 +23,6 @@ def giraff(site):
 @pytest.fixture(scope="module")
 def fate(giraff):
     return Fate(giraff.port)
-
-
-def photograph(visitor, name):
-    """Keep what is seen, on a desktop and on a phone, where SCREENSHOTS says, for people to look at."""
-    if folder := os.environ.get("SCREENSHOTS"):
-        for kind, (width, height) in {"phone": (390, 844), "desktop": (1280, 800)}.items():
-            visitor.page.set_viewport_size({"width": width, "height": height})
-            visitor.page.wait_for_timeout(400)
-            visitor.page.screenshot(path=f"{folder}/{name}-{kind}.png")
 
 
 def on_the_map(visitor, x, y):
@@ -73,7 +64,7 @@ def newest_state(site):
 def test_a_robot_leaves_its_dock_by_the_button_and_pressing_forward_there_explains_itself(visitor, giraff):
     anna = visitor("anna").drive()
     offer(anna, "dock.here")
-    photograph(anna, "dock")
+    keep_at_all_sizes(anna.page, "dock")
     anna.page.keyboard.down("ArrowUp")
     expect(anna.page.locator("#alert")).to_have_attribute("data-word", "alert.docked_forward")
     anna.page.keyboard.up("ArrowUp")
@@ -87,13 +78,13 @@ def test_it_goes_where_the_map_was_tapped_and_says_when_it_is_there(site, visito
     ben = visitor("ben").drive()
     goal = (2.6, 4.2)
     tap(ben, *goal)
-    photograph(ben, "goal")
+    keep_at_all_sizes(ben.page, "goal")
     assert giraff.truth().linear == 0.0, "a tap alone moves nothing"
     tap(ben, *goal)
     press(ben, "Go here")
     offer(ben, "task.goto")
     wait_for(lambda: abs(giraff.truth().linear) > 0.1, 15, "a drive")
-    photograph(ben, "going")
+    keep_at_all_sizes(ben.page, "going")
     offer(ben, "task.done.goto", within=60)
     truth = giraff.truth()
     assert math.hypot(truth.x - goal[0], truth.y - goal[1]) <= 0.3
@@ -104,7 +95,7 @@ def test_it_goes_where_the_map_was_tapped_and_says_when_it_is_there(site, visito
 def test_a_key_takes_over_at_once_and_a_place_of_the_menu_is_a_goal_too(visitor, giraff):
     cora = visitor("cora").drive()
     press(cora, "Go to…")
-    photograph(cora, "menu")
+    keep_at_all_sizes(cora.page, "menu")
     press(cora, "Laboratory")
     offer(cora, "task.place")
     press(cora, "Go to…")
@@ -123,7 +114,7 @@ def test_a_robot_that_cannot_get_there_says_why_and_offers_a_way_on(visitor, gir
     press(dan, "Go here")
     offer(dan, "task.failed.goto")
     expect(dan.page.locator("#offer-detail")).to_contain_text("outside of its map")
-    photograph(dan, "blocked")
+    keep_at_all_sizes(dan.page, "blocked")
     press(dan, "Try again")
     offer(dan, "task.failed.goto")
     press(dan, "Drive yourself")
@@ -138,7 +129,7 @@ def test_the_help_that_is_chosen_is_in_force_and_says_why_it_holds_back(site, vi
     wait_for(lambda: newest_state(site).get("assist") == "steer", 10, "the level in the robot's record")
     contacts = giraff.truth().contacts
     eva.hold("ArrowUp", lambda: re.match(r"assist\.(slow|stop|steer)", alert_of(eva)), 20, "why it holds back")
-    photograph(eva, "assisted")
+    keep_at_all_sizes(eva.page, "assisted")
     eva.page.keyboard.up("ArrowUp")
     assert giraff.truth().contacts == contacts
 
@@ -150,7 +141,7 @@ def test_a_lost_robot_is_shown_its_place_on_the_map(visitor, giraff, fate):
     press(fay, "Show it")  # at once: it looks for itself all the while
     fay.page.keyboard.up("ArrowLeft")
     show_place(fay, giraff.truth())
-    photograph(fay, "placing")
+    keep_at_all_sizes(fay.page, "placing")
     press(fay, "It is here")
     offer(fay, "task.done.relocalize", within=20)
     expect(fay.page.locator("#alert")).to_be_hidden()
@@ -170,7 +161,7 @@ def test_a_robot_goes_home_after_a_visit_and_whoever_waits_is_told_so_and_then_g
     expect(hans.page.locator("#card")).to_have_attribute("data-card", "queued.returning", timeout=40_000)
     stranger.page.goto("/")
     expect(stranger.page.locator("[data-robot=giraff]")).to_contain_text("On its way home")
-    photograph(hans, "queue")
+    keep_at_all_sizes(hans.page, "queue")
     hans.wait_for("phase", "turn", within=60)
     assert giraff.truth().docked
     hans.page.locator("#card-main").click()

@@ -14,6 +14,7 @@ from robots.api import messages as m
 from tests.browser.test_drive_page_alone import driving, hold, until
 from tests.support.browser_page import CHROMIUM, FLAGS
 from tests.support.patience import patient
+from tests.support.photographs import kept
 from tests.support.present_robot_page import PresentRobotPage
 
 pytestmark = pytest.mark.browser
@@ -150,6 +151,8 @@ async def test_voice_and_face_reach_the_robots_loudspeaker_and_its_screen_and_wo
     await page.keyboard.up("w")
     await screen.click("text=One moment, please")
     await page.wait_for_selector("#talk-list >> text=One moment, please")
+    await kept(page, "talking")
+    await kept(screen, "screen-messages")
 
     # The head, by key and by slider.
     await page.focus("#viewport")
@@ -180,9 +183,12 @@ async def test_the_screen_answers_first_where_the_owner_wants_it_and_stops_the_r
     await screen.wait_for_selector("text=I am Giraff")
     page = await drives(chromium, site, complaints, permissions=["microphone", "camera"])
     await screen.wait_for_selector("text=A study is under way.")
+    await kept(screen, "screen-study")
     await page.click("#presence-camera")
     await screen.wait_for_selector("text=Ana would like to talk to you")
     await page.wait_for_selector("text=It rings there. Nobody sees or hears you yet.")
+    await kept(page, "ringing")
+    await kept(screen, "screen-rings")
     assert site.media.visitor_counts.get("video", 0) == 0
     await screen.click("#accept")
     await screen.wait_for_selector("#face[data-scene=seen]")
@@ -191,10 +197,12 @@ async def test_the_screen_answers_first_where_the_owner_wants_it_and_stops_the_r
     await until(lambda: site.kernel.latch is not None)
     assert site.kernel.latch.source == "screen", "on whichever way the stop came first"
     await screen.wait_for_selector("text=Stopped here.")
+    await kept(screen, "screen-stopped")
     await screen.click("#release")
     await until(lambda: site.kernel.latch is None)
     site.end("completed")
     await screen.wait_for_selector("text=Nobody is visiting now.")
+    await kept(screen, "screen-left")
     await page.wait_for_selector("#presence", state="hidden")
     assert await page.evaluate("() => document.querySelector('#self').srcObject") is None, "the camera is given back"
     assert complaints == []

@@ -2,9 +2,7 @@
 
 import datetime
 import math
-import os
 import re
-from pathlib import Path
 
 import pytest
 from django.test import Client
@@ -16,12 +14,12 @@ from robots.models import Robot
 from sessions.models import StateChunk
 from tests.support import replays
 from tests.support.people import person
+from tests.support.photographs import keep
 from tests.support.site import wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
 SIZES = {"desktop": {"width": 1280, "height": 800}, "phone": {"width": 390, "height": 844}}
 ANYTHING = re.compile(".")
-FOLDER = os.environ.get("SCREENSHOTS")
 
 
 @pytest.fixture(autouse=True)
@@ -83,8 +81,7 @@ def assert_is_where_it_says(page) -> None:
 
 
 def shot(page, name: str) -> None:
-    if FOLDER:
-        page.screenshot(path=Path(FOLDER) / f"{name}-{page.size}.png", full_page=True)
+    keep(page, f"{name}-{page.size}", whole=True)
 
 
 def test_the_robot_is_shown_where_the_states_say_however_one_gets_there(page):

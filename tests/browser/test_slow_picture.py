@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 import re
 import time
 from dataclasses import replace
@@ -14,6 +13,7 @@ from playwright.sync_api import expect
 from tests.support.firefox import firefox
 from tests.support.loopback_only import loopback_only
 from tests.support.narrow import Narrow
+from tests.support.photographs import keep
 from tests.support.site import LOOPBACK, running_site, wait_for
 from tests.support.visitor import Visitor, chromium
 
@@ -62,12 +62,6 @@ def wait_for_slow_picture(visitor):
     wait_for(lambda: not visitor.page.locator("#slow").is_hidden(), 10, "a picture through the server")
 
 
-def photograph(visitor, name):
-    """Keep what is seen where SCREENSHOTS says, for people to look at."""
-    if folder := os.environ.get("SCREENSHOTS"):
-        visitor.page.screenshot(path=f"{folder}/{name}.png")
-
-
 def test_a_visitor_without_a_direct_way_sees_a_slow_picture_and_drives_by_it(site, visitor, giraff):
     anna = visitor("anna").open(go=True)
     wait_for_slow_picture(anna)
@@ -80,12 +74,12 @@ def test_a_visitor_without_a_direct_way_sees_a_slow_picture_and_drives_by_it(sit
     before = giraff.truth()
     anna.hold("ArrowUp", lambda: math.hypot(giraff.truth().x - before.x, giraff.truth().y - before.y) > 0.8, 20, "a drive")
     wait_for(lambda: anna.page.evaluate("window.pictures()") > 15, 10, "pictures that move")
-    photograph(anna, "slow-desktop")
+    keep(anna.page, "slow-desktop")
     anna.page.keyboard.up("ArrowUp")
     wait_for(lambda: abs(giraff.truth().linear) < 0.01, 5, "a standing robot")
     anna.page.set_viewport_size({"width": 390, "height": 844})
     anna.page.wait_for_timeout(500)
-    photograph(anna, "slow-phone")
+    keep(anna.page, "slow-phone")
     anna.page.set_viewport_size({"width": 1280, "height": 800})
     anna.leave()
     session = site.sessions()[0][0]
