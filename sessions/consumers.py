@@ -121,6 +121,7 @@ class RobotConsumer(DirectConsumer):
                     task.cancel()
 
     def _stop_listening(self, visit: Visit) -> None:
+        visit.stop_watching()  # a connection to the robot lives without this socket, and nobody would look after it
         self.outbox.abandon()
         self.bridge.ignore(self.name, self)
         part(self.name, visit)
@@ -140,6 +141,8 @@ class RobotConsumer(DirectConsumer):
     def _perform(self, effects: tuple[Effect, ...]) -> None:
         for effect in effects:
             match effect:
+                case Publish(message=Action(role="owner" | "staff")):
+                    self._launch(self._publish_of_operator(effect))
                 case Publish():
                     self._publish(effect)
                 case Halt(message):
@@ -164,6 +167,15 @@ class RobotConsumer(DirectConsumer):
         if publish.wanted and not reachable:
             suffix = wire.SIGNAL if publish.suffix.startswith(wire.SIGNAL) else publish.suffix
             self._perform(self.room.deny(suffix, "robot_unreachable", time.monotonic()))
+
+    async def _publish_of_operator(self, publish: Publish) -> None:
+        """Send what somebody asks who operates the robot, if they still do: that may be over since the page came."""
+        assert self.visit is not None
+        async with self.visit.turn:
+            if await self.visit.still_welcome() and self.room.operator is not None:
+                self._publish(publish)
+            else:
+                self._perform(self.room.deny(publish.suffix, "not_allowed", time.monotonic()))
 
     def _ask(self, verb: Message) -> None:
         assert self.visit is not None
@@ -223,7 +235,8 @@ class RobotConsumer(DirectConsumer):
                 if time.monotonic() - asked >= WELCOME_EVERY:
                     asked = time.monotonic()
                     async with visit.turn:
-                        await visit.still_welcome()
+                        if await visit.still_welcome():
+                            visit.vouch()
             except DatabaseError as error:
                 log.warning("page_not_checked robot=%s reason=%s", self.name, error)
 

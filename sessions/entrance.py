@@ -22,7 +22,7 @@ from sessions.leases import Hold
 from sessions.models import Lease, Session
 from sessions.room import Operator
 
-Welcome = Literal["welcome", "signed_out", "not_allowed"]
+Answer = Literal["welcome", "signed_out", "not_allowed"]
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,15 @@ class Entrance:
     def may_enter(self) -> bool:
         """Tell whether there is anything at all for this visitor here."""
         return bool(self.may_drive or self.may_observe)
+
+
+@dataclass(frozen=True)
+class Welcome:
+    """What a page that is already inside is told when it is looked at again."""
+
+    answer: Answer
+    may_observe: bool = False
+    operator: Operator | None = None
 
 
 @dataclass(frozen=True)
@@ -82,14 +91,15 @@ def _operator(user: User, robot: Robot) -> Operator | None:
 
 
 def welcome(session_key: str | None, user: User, robot: Robot) -> Welcome:
-    """Tell whether a page that is already inside may stay: still signed in, and still allowed."""
+    """Tell whether a page that is already inside may stay, still signed in and still allowed, and what it may do."""
     if session_key is None or not _signed_in(session_key, user):
-        return "signed_out"
+        return Welcome("signed_out")
     user.refresh_from_db()
     robot.refresh_from_db()
     if not user.is_active:
-        return "signed_out"
-    return "welcome" if may_drive(user, robot) or may_observe(user, robot) else "not_allowed"
+        return Welcome("signed_out")
+    observes = bool(may_observe(user, robot))
+    return Welcome("welcome", observes, _operator(user, robot)) if observes or may_drive(user, robot) else Welcome("not_allowed")
 
 
 def _signed_in(session_key: str, user: User) -> bool:

@@ -11,7 +11,7 @@ from channels.db import database_sync_to_async
 from django.db import DatabaseError
 
 from robots import log_ids, mqtt_bridge
-from robots.api.messages import Action
+from robots.api.messages import Action, Bye, Stay
 from robots.bridge.delivery import LINK, Letter
 from robots.ice import ice_servers
 from robots.models import Robot
@@ -74,6 +74,7 @@ class ScreenConsumer(DirectConsumer):
             if self.room is not None:
                 self.looking.cancel()
                 self.outbox.abandon()
+                self._tell_robot(Bye(reason="left"))  # a connection to the robot lives without this socket
                 self.bridge.ignore(self.name, self)
                 log.info("screen_left robot=%s refused=%s", self.name, dict(self.room.refused))
 
@@ -133,8 +134,14 @@ class ScreenConsumer(DirectConsumer):
                     asked = time.monotonic()
                     if await database_sync_to_async(screen_of)(self.name, self.key) is None:
                         self.outbox.end(wire.NOT_ALLOWED)
+                    else:
+                        self._tell_robot(Stay())
             except DatabaseError as error:
                 log.warning("screen_not_checked robot=%s reason=%s", self.name, error)
+
+    def _tell_robot(self, signal: Bye | Stay) -> None:
+        if self.room is not None:
+            self.bridge.send(self.name, f"{wire.SIGNAL}/{self.room.peer}", signal)
 
     async def _tell_visitor(self) -> None:
         lease = self.known.lease_at(time.monotonic())

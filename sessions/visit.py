@@ -13,7 +13,7 @@ from django.db import DatabaseError
 from django.utils import timezone
 
 from accounts.models import User
-from robots.api.messages import Bye, Lease, Message, ServerNews
+from robots.api.messages import Bye, Lease, Message, ServerNews, Stay
 from robots.bridge.known import KnownRobot
 from robots.ice import ice_servers
 from robots.models import Robot
@@ -226,10 +226,15 @@ class Visit:
     async def still_welcome(self) -> bool:
         """Tell whether the visitor is still signed in and allowed here; otherwise end what the page does, and its connection.
 
-        The caller holds `turn`.
+        What the visitor may do here besides is looked at anew as well. The caller holds `turn`.
         """
-        answer = await database_sync_to_async(entrance.welcome)(self.session_key, self.user, self.robot)
+        welcome = await database_sync_to_async(entrance.welcome)(self.session_key, self.user, self.robot)
+        answer = welcome.answer
         if answer == "welcome":
+            self.may_observe, self.room.operator = welcome.may_observe, welcome.operator
+            if self.room.watches and not self.may_observe:
+                self.stop_watching()
+                self.outbox.post("session/refused", wire.Refused(reason="not_allowed"))
             return True
         log.warning("page_sent_away robot=%s user=%s reason=%s", self.robot.name, self.user.pk, answer)
         session, drove = self.room.session, self.room.standing == "driver"
@@ -288,6 +293,17 @@ class Visit:
         """Tell the robot that this page wants no more pictures, and must get none."""
         if self.room.watches or self.room.standing == "driver":
             self.bridge.send(self.robot.name, f"{wire.SIGNAL}/{self.room.peer}", Bye(reason="left"))
+
+    def stop_watching(self) -> None:
+        """End the page's pictures when it watches; whoever drives may do so without the server, and is ended by the lease."""
+        if self.room.watches:
+            self.room.watches = False
+            self.bridge.send(self.robot.name, f"{wire.SIGNAL}/{self.room.peer}", Bye(reason="left"))
+
+    def vouch(self) -> None:
+        """Tell the robot that this page may go on watching."""
+        if self.room.watches:
+            self.bridge.send(self.robot.name, f"{wire.SIGNAL}/{self.room.peer}", Stay())
 
     def _ice_servers(self) -> Any:
         return ice_servers(str(self.user.pk), time.time())

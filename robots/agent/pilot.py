@@ -41,6 +41,8 @@ from robots.api.messages import (
     Offer,
     PictureRequest,
     Role,
+    Signal,
+    Stay,
     VelocityCommand,
 )
 
@@ -118,7 +120,7 @@ class Pilot:
                 self._heartbeat(message.peer, message, sender)
             case Lease():
                 self._lease(message, retained=retained)
-            case Offer() | Candidate() | Bye():
+            case Offer() | Candidate() | Bye() | Stay():
                 self._signal(suffix, message, retained=retained)
             case PictureRequest() if not retained:
                 self._media.picture_wanted(message)
@@ -324,7 +326,7 @@ class Pilot:
         last = self.reports.state(lease)
         self.reports.event("session_closed", lease, last_seq=last)
 
-    def _signal(self, suffix: str, message: Offer | Candidate | Bye, *, retained: bool) -> None:
+    def _signal(self, suffix: str, message: Signal, *, retained: bool) -> None:
         if retained:
             self.rejected("retained")
             return

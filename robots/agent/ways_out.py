@@ -33,7 +33,7 @@ class Media(Protocol):
         """Hang up on everybody."""
 
     def signal(self, peer: str, message: Signal) -> None:
-        """Take an offer, candidate or bye of a page."""
+        """Take an offer, candidate or bye of a page, or the server's word that it may stay."""
 
     def lease_changed(self, driver_peer: str | None) -> None:
         """The lease names this peer now, or nobody."""

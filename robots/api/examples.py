@@ -176,6 +176,7 @@ EXAMPLES: dict[str, dict[str, m.Message]] = {
         "offer-least": m.Offer(sdp="v=0\r\n"),
         "candidate": m.Candidate(),
         "bye": m.Bye(),
+        "stay": m.Stay(),
     },
 }  # fmt: skip
 

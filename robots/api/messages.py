@@ -630,7 +630,15 @@ class Bye(Message, frozen=True, kw_only=True, tag_field="type", tag="bye"):
     reason: Reason = ""
 
 
-Signal = Offer | Candidate | Bye
+class Stay(Message, frozen=True, kw_only=True, tag_field="type", tag="stay"):
+    """The server vouches for a page that watches, or for a robot's own display: every minute, while it is there and may be.
+
+    The robot ends the connection of whoever it has heard neither an offer nor this of for 150 s, but for the driver, for whom the
+    lease speaks; a page can keep its connection when its socket is gone, and must not see on by that.
+    """
+
+
+Signal = Offer | Candidate | Bye | Stay
 SignalReply = Answer | Candidate | Bye
 
 

@@ -55,7 +55,7 @@ TABLE: tuple[Topic, ...] = (
     Topic("command/heartbeat", "to_robot", m.CommandHeartbeat, 0, False, KIB, "5 Hz from the driver's page and from the server"),
     Topic("command/action", "to_robot", m.AnyAction, 1, False, 64 * KIB, "everything else that a robot can be asked to do"),
     Topic("command/picture", "to_robot", m.PictureRequest, 0, False, KIB, "one more picture, for a page that WebRTC does not reach"),
-    Topic("signal/+", "to_robot", m.Signal, 1, False, 128 * KIB, "WebRTC offer, candidate, bye"),
+    Topic("signal/+", "to_robot", m.Signal, 1, False, 128 * KIB, "WebRTC offer, candidate, bye, and the server's word that a page may stay"),
 )
 
 # On the data channel a frame is the suffix, a newline, and the message. These travel there besides the broker's own.

@@ -561,6 +561,61 @@ async def test_a_driver_who_may_not_stay_is_sent_away_within_the_minute(bridge, 
     assert (session.state, session.outcome) == ("ended", "stopped_by_operator")
 
 
+def signals(bridge) -> list[m.Message]:
+    """Return what was said to the robot about connections, whoever's."""
+    return [message for _, suffix, message in bridge.sent if suffix.startswith("signal/")]
+
+
+async def test_who_watches_does_so_no_longer_than_their_socket_lives(bridge, robot, ada, bob):
+    """The connection to the robot needs no socket: without a word of the server it would go on for ever."""
+    async with Page("giraff", ada) as driver:
+        granted = await driver.take()
+        async with Page("giraff", bob) as observer:
+            await observer.say("session/observe", wire.Observe())
+            await observer.expect("session/observing")
+            assert signals(bridge) == []
+        assert signals(bridge) == [m.Bye(reason="left")]
+        assert bridge.commands(f"signal/{granted.peer}") == []
+    assert signals(bridge) == [m.Bye(reason="left")], "the lease looks after who drives"
+
+
+async def test_the_server_speaks_for_who_watches_and_for_nobody_else(bridge, robot, ada, bob, monkeypatch):
+    monkeypatch.setattr(consumers, "PAGE_SEEN_EVERY", 0.05)
+    monkeypatch.setattr(consumers, "WELCOME_EVERY", 0.0)
+    async with Page("giraff", ada) as driver, Page("giraff", bob) as observer:
+        granted = await driver.take()
+        await observer.say("session/observe", wire.Observe())
+        await observer.expect("session/observing")
+        await until(lambda: signals(bridge).count(m.Stay()) >= 3)
+        assert bridge.commands(f"signal/{granted.peer}") == []
+
+
+async def test_who_may_watch_no_more_is_shown_no_more_within_the_minute(bridge, robot, ada, monkeypatch):
+    monkeypatch.setattr(consumers, "PAGE_SEEN_EVERY", 0.05)
+    monkeypatch.setattr(consumers, "WELCOME_EVERY", 0.1)
+    async with Page("giraff", ada) as page:
+        await page.say("session/observe", wire.Observe())
+        await page.expect("session/observing")
+        await sync_to_async(Robot.objects.update)(observers_allowed=False)
+        assert (await page.expect("session/refused")).reason == "not_allowed"
+        assert [one for one in signals(bridge) if one != m.Stay()] == [m.Bye(reason="left")]
+        await page.say("session/observe", wire.Observe())
+        assert (await page.expect("session/refused")).reason == "not_allowed"
+        assert (await page.take()).session, "and may drive, as everybody"
+
+
+async def test_who_operates_the_robot_no_more_clears_no_stop_from_a_page_that_is_open_still(bridge, robot, ada):
+    permit = await sync_to_async(RobotPermit.objects.create)(robot=robot, user=ada, kind=RobotPermit.Kind.OPERATOR)
+    clear = m.ClearEStop(action_id="c", stamp=1.0)
+    async with Page("giraff", ada) as page:
+        await page.say("command/action", clear)
+        await until(lambda: bridge.commands("command/action"))
+        await sync_to_async(permit.delete)()
+        await page.say("command/action", clear)
+        assert (await page.expect("denied")).reason == "not_allowed"
+    assert len(bridge.commands("command/action")) == 1
+
+
 async def test_an_open_page_is_seen_and_learns_that_its_session_is_over(bridge, robot, ada, monkeypatch):
     from sessions import turns
 

@@ -169,3 +169,14 @@ async def test_a_replaced_key_sends_the_display_away(bridge, robot, key, monkeyp
         await display.expect("screen")
         await sync_to_async(revoke_screen_key)(robot)
         assert await display.closed() == wire.NOT_ALLOWED
+
+
+async def test_the_server_speaks_for_a_display_while_its_socket_lives_and_no_longer(bridge, robot, key, monkeypatch):
+    from sessions import screen_consumer
+
+    monkeypatch.setattr(screen_consumer, "WELCOME_EVERY", 0.0)
+    monkeypatch.setattr(screen_consumer, "LOOK_EVERY", 0.05)
+    async with Display(key) as display:
+        peer = (await display.expect("hello")).peer
+        await until(lambda: bridge.commands(f"signal/{peer}").count(m.Stay()) >= 3)
+    await until(lambda: bridge.commands(f"signal/{peer}")[-1:] == [m.Bye(reason="left")])

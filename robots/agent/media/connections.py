@@ -18,7 +18,7 @@ from robots.agent.media.peers import HeldCandidates, Roster
 from robots.agent.media.sdp import BadOfferError
 from robots.agent.media.viewer import Viewer
 from robots.api.codec import encode_frame
-from robots.api.messages import Answer, Bye, Candidate, Heartbeat, Offer, Role, Signal, SignalReply
+from robots.api.messages import Answer, Bye, Candidate, Heartbeat, Offer, Role, Signal, SignalReply, Stay
 
 log = logging.getLogger(__name__)
 
@@ -49,7 +49,7 @@ class Connections:
 
     def lease_changed(self, driver_peer: str | None) -> None:
         """Say which peer the lease names; every other one is an observer from now on, None means that nobody drives."""
-        self._roster.lease_changed(driver_peer)
+        self._roster.lease_changed(driver_peer, time.monotonic())
 
     def role(self, peer: str) -> Role:
         """Return what a peer is at this moment."""
@@ -80,9 +80,11 @@ class Connections:
     # --- signalling --------------------------------------------------------------------------------------------------
 
     def take_signal(self, peer: str, message: Signal) -> None:
-        """Take an offer, candidate or bye of a page."""
+        """Take an offer, candidate or bye of a page, or the server's word that it may stay."""
         if isinstance(message, Offer):
             self._take_offer(peer, message)
+        elif isinstance(message, Stay):
+            self._roster.vouch(peer, time.monotonic())
         elif isinstance(message, Candidate):
             viewer = self._viewers.get(peer)
             if viewer is None or not viewer.takes_candidates:
@@ -93,7 +95,7 @@ class Connections:
             self._end(peer, None)
 
     def _take_offer(self, peer: str, offer: Offer) -> None:
-        admission = self._roster.admit(peer, offer.role)
+        admission = self._roster.admit(peer, offer.role, time.monotonic())
         if admission.leaves is not None:
             self._end(admission.leaves, "full")
         if not admission.admitted:
@@ -134,10 +136,13 @@ class Connections:
     # --- ends --------------------------------------------------------------------------------------------------------
 
     def end_lost(self, now: float) -> None:
-        """End the connections over which nothing comes any more; `now` is monotonic."""
+        """End the connections over which nothing comes any more, and those of whoever may not stay; `now` is monotonic."""
         for peer, viewer in list(self._viewers.items()):
             if viewer.is_lost(now):
                 self._end(peer, "failed")
+        for peer, reason in self._roster.unwelcome(now).items():
+            if peer in self._viewers:
+                self._end(peer, reason)
 
     async def close(self) -> None:
         """Say goodbye to every page."""

@@ -2,12 +2,17 @@
 
 The lease says who drives, so it alone makes a peer the driver: one that was offered as driver and no longer holds the lease is
 an observer from that moment, and an observer who is given the lease drives without a new connection.
+
+A connection outlives the page's socket, by which the server says goodbye for it, so nobody stays by that alone: whoever has driven must
+offer anew to watch, and for whoever watches the server speaks again and again.
 """
 
 from dataclasses import dataclass
 
 from robots.api.messages import Candidate, Role
 
+STAYS_AFTER_DRIVING = 5.0  # s, in which a lease that has merely come late is there again
+STAYS_UNVOUCHED = 150.0  # s; the server speaks for a peer every minute
 MAX_HELD_PEERS, MAX_HELD_CANDIDATES = 32, 32
 
 
@@ -29,8 +34,10 @@ class Roster:
         self._limit = max(1, limit)
         self._offered: dict[str, Role] = {}
         self._driver: str | None = None
+        self._vouched: dict[str, float] = {}
+        self._drove: dict[str, float] = {}  # until when each peer drove that drives no more
 
-    def admit(self, peer: str, role: Role) -> Admission:
+    def admit(self, peer: str, role: Role, now: float) -> Admission:
         """Decide about an offer of `peer` and note it when it is let in; an offer of a connected peer replaces its old one.
 
         When all places are taken the offer of the driver, or of a screen, which is the robot's own, sends away the observer who came
@@ -43,9 +50,11 @@ class Roster:
             makes_room = role == "driver" or peer == self._driver or (role == "screen" and self.role(leaves) != "driver")
             if not makes_room:
                 return Admission(admitted=False)
-            del self._offered[leaves]
+            self.leave(leaves)
         self._offered.pop(peer, None)
         self._offered[peer] = role
+        self._drove.pop(peer, None)
+        self._vouched[peer] = now
         return Admission(admitted=True, leaves=leaves)
 
     def role(self, peer: str) -> Role:
@@ -55,13 +64,30 @@ class Roster:
         offered = self._offered.get(peer, "observer")
         return "observer" if offered == "driver" else offered
 
-    def lease_changed(self, driver: str | None) -> None:
-        """Note who drives from now on; None is nobody."""
+    def lease_changed(self, driver: str | None, now: float) -> None:
+        """Note who drives from now on; None is nobody. From any thread."""
+        if self._driver is not None and driver != self._driver and self._driver in self._offered:
+            self._drove[self._driver] = self._vouched[self._driver] = now  # the lease spoke for it until now
+        if driver is not None:
+            self._drove.pop(driver, None)
         self._driver = driver
+
+    def vouch(self, peer: str, now: float) -> None:
+        """Note that the server speaks for a peer."""
+        if peer in self._offered:
+            self._vouched[peer] = now
+
+    def unwelcome(self, now: float) -> dict[str, str]:
+        """Return the peers that may not stay, each with the reason."""
+        watching = [peer for peer in self._offered if peer != self._driver]
+        found = {peer: "not_vouched" for peer in watching if now - self._vouched[peer] > STAYS_UNVOUCHED}
+        return found | {peer: "lease_changed" for peer in watching if now - self._drove.get(peer, now) > STAYS_AFTER_DRIVING}
 
     def leave(self, peer: str) -> None:
         """Forget a peer."""
         self._offered.pop(peer, None)
+        self._vouched.pop(peer, None)
+        self._drove.pop(peer, None)
 
 
 _EXPENDABLE: dict[Role, int] = {"driver": 0, "screen": 1, "observer": 2}

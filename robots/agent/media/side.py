@@ -110,7 +110,7 @@ class MediaSide:
             self._thread.join(CLOSE_TIMEOUT)
 
     def signal(self, peer: str, message: Signal) -> None:
-        """Take an offer, candidate or bye of a page."""
+        """Take an offer, candidate or bye of a page, or the server's word that it may stay."""
         self._post(self._pages.take_signal, peer, message)
 
     def lease_changed(self, driver_peer: str | None) -> None:

@@ -11,7 +11,7 @@ import pytest
 from robots.agent.media import signalling
 from robots.agent.media.rtp import capture_stamp
 from robots.api.codec import encode_frame
-from robots.api.messages import Bye, Candidate, CommandHeartbeat, Echo, Heartbeat, Offer, PoseUpdate
+from robots.api.messages import Bye, Candidate, CommandHeartbeat, Echo, Heartbeat, Offer, PoseUpdate, Stay
 from tests.support.loopback_peer import LoopbackPage, until
 from tests.support.synthetic_camera import TICKS_PER_SECOND, code_of, read_code
 
@@ -221,7 +221,10 @@ async def test_frames_come_with_the_role_that_the_lease_gives(media, exchange, n
     assert exchange.frames == [("p1", "driver", "command/velocity\n{}"), ("p2", "observer", "command/velocity\n{}")]
 
 
-async def test_a_driver_whose_lease_ended_speaks_as_an_observer_from_the_next_frame_on(media, exchange, new_page) -> None:
+async def test_a_driver_whose_lease_ended_speaks_as_an_observer_from_the_next_frame_on_and_is_sent_away(
+    media, exchange, new_page, monkeypatch
+) -> None:
+    monkeypatch.setattr("robots.agent.media.peers.STAYS_AFTER_DRIVING", 1.0)
     media.lease_changed("p1")
     page = new_page("p1", decode=False)
     await page.connect("driver")
@@ -231,7 +234,25 @@ async def test_a_driver_whose_lease_ended_speaks_as_an_observer_from_the_next_fr
     page.channel.send("two")
     await until(lambda: len(exchange.frames) == 2)
     assert [role for _, role, _ in exchange.frames] == ["driver", "observer"]
-    assert media.connected == 1, "it goes on watching"
+    await until(lambda: exchange.byes("p1") == ["lease_changed"] and media.connected == 0)
+    again = new_page("p1", decode=False)
+    await again.connect("observer")
+    await until(lambda: len(again.pictures) > 5, what="pictures for a page that watches by an offer of its own")
+
+
+async def test_who_watches_is_sent_away_when_the_server_speaks_for_them_no_more(media, exchange, new_page, monkeypatch) -> None:
+    """A connection lives without the page's socket, over which the server would end it."""
+    page, screen, forgotten = new_page("p1", decode=False), new_page("s1", decode=False), new_page("p2", decode=False)
+    await page.connect("observer")
+    await screen.connect("screen")
+    await forgotten.connect("observer")
+    while not exchange.byes("p2"):
+        for peer in ("p1", "s1"):
+            media.signal(peer, Stay())
+        await asyncio.sleep(0.2)
+        monkeypatch.setattr("robots.agent.media.peers.STAYS_UNVOUCHED", 5.0)
+    assert exchange.byes("p2") == ["not_vouched"]
+    assert (exchange.byes("p1"), exchange.byes("s1"), media.connected) == ([], [], 1)
 
 
 async def test_a_page_that_claims_to_drive_without_the_lease_is_an_observer(media, exchange, new_page) -> None:
