@@ -49,6 +49,7 @@ class Running:
     told: dict[str, Any] = field(default_factory=dict)
     told_at: float = float("-inf")
     written: int = 0
+    unwritten: list[TaskEvent] = field(default_factory=list)
 
     def feed(self, record: Record) -> None:
         """Take a record."""
@@ -188,9 +189,9 @@ class Runner:
         changed = _without_seconds(shown) != _without_seconds(running.told) or ("remaining" in shown) != ("remaining" in running.told)
         again = "remaining" in shown and not shown.get("outcome") and now - running.told_at >= TELL_AGAIN
         if changed or again:
-            running.told, running.told_at = shown, now
             Drive.objects.filter(pk=running.drive.pk).update(shown=shown)
             announcements.tell(str(running.drive.session_id), shown, now)
+            running.told, running.told_at = shown, now  # last: what the database did not take is told at the next look
 
     @staticmethod
     def _end(running: Running, outcome: str, reason: str, now: float) -> None:
@@ -242,9 +243,12 @@ def write_news(running: Running) -> None:
 
 
 def _write(running: Running, events: Any) -> None:
-    rows = [
+    """Write events and whatever an earlier attempt could not."""
+    running.unwritten += [
         TaskEvent(drive=running.drive, number=number, stamp=event.at, type=event.type, data=event.data())
-        for number, event in enumerate(events, running.written)
+        for number, event in enumerate(events, running.written + len(running.unwritten))
     ]
-    TaskEvent.objects.bulk_create(rows)
-    running.written += len(rows)
+    if running.unwritten:
+        TaskEvent.objects.bulk_create(running.unwritten)
+        running.written += len(running.unwritten)
+        running.unwritten = []

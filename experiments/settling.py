@@ -24,9 +24,9 @@ from experiments.in_force import Gathering, as_stored
 from experiments.models import Drive, Participant, TaskEvent
 from experiments.progress import TaskEvent as ToldEvent
 from experiments.records import seen
-from experiments.task_records import TASK, ended, of_event, offset_of, states_of
+from experiments.task_records import TASK, ended, events_of, of_event, offset_of, states_of
 from experiments.track_of import track_of
-from sessions.models import Session, SessionEvent
+from sessions.models import Session
 
 log = logging.getLogger(__name__)
 
@@ -103,7 +103,7 @@ def _work(drive: Drive, now: datetime.datetime) -> Iterator[None]:
         if number % STATES_AT_ONCE == 0:
             _fold(engine)
             yield
-    for event in SessionEvent.objects.filter(session=drive.session_id).iterator(chunk_size=500):
+    for event in events_of(drive):
         gathering.hear(event)
         record = of_event(event, offset)
         if engine is not None and record is not None:

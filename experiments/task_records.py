@@ -13,6 +13,7 @@ from experiments.definition import Outcome
 from experiments.models import Drive
 from experiments.records import Ended, FirstFrame, Input, PhotoAnswer, PhotoFailed, PhotoTaken, Record, seen
 from robots.api.messages import ActionStatus, Event, State
+from sessions.in_parts import in_parts
 from sessions.models import Session, SessionEvent, StateChunk
 from sessions.wire import PageEvent
 
@@ -74,15 +75,20 @@ def offset_of(drive: Drive) -> float:
 def states_of(drive: Drive) -> Iterator[State]:
     """Yield the stored states of a drive as they came from the robot."""
     chunks = StateChunk.objects.filter(session=drive.session_id).order_by("received_at", "first_seq")
-    for states in chunks.values_list("states", flat=True).iterator(chunk_size=200):
-        yield from msgspec.convert(states, list[State])
+    for chunk in in_parts(chunks.only("states"), 200):
+        yield from msgspec.convert(chunk.states, list[State])
+
+
+def events_of(drive: Drive) -> Iterator[SessionEvent]:
+    """Yield the stored events of a drive in the order of their stamps."""
+    yield from in_parts(SessionEvent.objects.filter(session=drive.session_id), 500)
 
 
 def stored(drive: Drive, offset: float) -> Iterator[Record]:
     """Yield all that the record of a drive has for the task, but for the session's end."""
     for state in states_of(drive):
         yield seen(state, offset)
-    for event in SessionEvent.objects.filter(session=drive.session_id).iterator(chunk_size=500):
+    for event in events_of(drive):
         record = of_event(event, offset)
         if record is not None:
             yield record

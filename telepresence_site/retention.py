@@ -16,6 +16,7 @@ from accounts import audit
 from experiments.models import Drive
 from experiments.pseudonyms import Pseudonyms
 from robots.models import Enrolment
+from sessions.in_parts import in_parts
 from sessions.models import NetworkSample, Session, Snapshot, SystemLog
 
 PART = 200
@@ -65,7 +66,7 @@ def _rows(of: Callable[[datetime.datetime], "QuerySet[Any]"]) -> tuple[Callable[
 def _with_address(before: datetime.datetime) -> Iterator[Session]:
     """Yield sessions that still tell a network or a user agent; only these two columns are read."""
     rows = Session.objects.filter(state=Session.State.ENDED, ended_at__lt=before).exclude(device={}).only("device").order_by("pk")
-    for row in rows.iterator(chunk_size=PART):
+    for row in in_parts(rows, PART):
         if row.device.get("user_agent") or "/" in row.device.get("network", ""):
             yield row
 

@@ -1,9 +1,12 @@
 """Living drives: what the page is shown, when the session ends, and that a runner that is killed is missed by nobody."""
 
 import datetime
+from contextlib import suppress
 
 import msgspec
 import pytest
+from django.db import OperationalError
+from django.db.models import QuerySet
 from django.utils import timezone
 
 from experiments.models import Drive, TaskEvent
@@ -99,6 +102,34 @@ def test_a_frame_is_sent_only_when_something_has_changed(robot):
     runner.look(now=at(start + 7.0))
     assert count > 0
     assert shown() == []
+
+
+@pytest.mark.parametrize("refuses", ["bulk_create", "update"])
+def test_what_the_database_would_not_take_is_written_and_told_at_the_next_look(robot, monkeypatch, refuses):
+    drive, runner = begin(robot), Runner()
+    records = whole(timezone.now().timestamp())
+    half = len(records) // 2
+    hear(runner, drive, records[:half])
+    before = [frame.cue for frame in shown()]
+
+    def locked(*_arguments, **_more):
+        raise OperationalError("database is locked")
+
+    with monkeypatch.context() as away:
+        away.setattr(QuerySet, refuses, locked)
+        for record in records[half:-1]:
+            with suppress(OperationalError):
+                hear(runner, drive, [record])
+    assert shown() == []
+    runner.look(now=at(records[-2].at))
+    (frame,) = shown()
+    assert frame.cue not in before, "nothing more is heard, and the page is told all the same"
+    hear(runner, drive, records[-1:])
+    assert shown()[-1].cue == "completed"
+    write(drive, records)
+    live = list(TaskEvent.objects.order_by("number").values_list("number", "stamp", "type", "data"))
+    settle(close(drive, at=records[-1].at + 1.0), timezone.now())
+    assert list(TaskEvent.objects.order_by("number").values_list("number", "stamp", "type", "data")) == live
 
 
 def test_the_time_limit_ends_the_session_though_nothing_comes_any_more(robot):

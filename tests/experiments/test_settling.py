@@ -2,10 +2,12 @@
 
 import datetime
 import random
+from concurrent.futures import ThreadPoolExecutor
 
 import msgspec
 import numpy as np
 import pytest
+from django.db import connection
 from django.utils import timezone
 
 from experiments import settling
@@ -19,8 +21,8 @@ from experiments.task_records import stored
 from experiments.track_of import track_of
 from robots.api import messages as m
 from robots.models import Robot
-from sessions import terms, turns
-from sessions.models import Session, StateChunk
+from sessions import system_log, terms, turns
+from sessions.models import Session, StateChunk, SystemLog
 from sessions.wire import PageEvent
 from tests.support import participants as p
 from tests.support import task_drives
@@ -287,6 +289,37 @@ def test_the_settler_does_a_little_at_each_look_and_all_in_the_end(robot):
         assert looks < 1000
     assert looks > 3
     assert Drive.objects.get().outcome == "completed"
+
+
+@pytest.mark.django_db(transaction=True)
+def test_half_way_through_a_long_record_everybody_else_may_write(robot):
+    """A drive of a quarter of an hour is read at many looks, between which the recorder writes in another process and the clockwork here."""
+    drive = begin(robot)
+    records = whole(timezone.now().timestamp())
+    write(drive, records)
+    chunk = StateChunk.objects.first()
+    StateChunk.objects.bulk_create(
+        StateChunk(session=chunk.session, boot="later", first_seq=n, last_seq=n, count=1, first_stamp=n, last_stamp=n, received_at=2e9 + n, states=[])
+        for n in range(900)
+    )
+    close(drive, outcome="completed", reason="task", at=records[-1].at + 0.5)
+    settler, looks = Settler(), 0
+    while not Drive.objects.filter(settled_at__isnull=False).exists():
+        settler.look(timezone.now(), share=1e-9)
+        with ThreadPoolExecutor(1) as elsewhere:  # a connection of its own, like another process
+            elsewhere.submit(note_elsewhere, looks).result()
+        system_log.log("here", at=timezone.now(), number=looks)
+        looks += 1
+        assert looks < 1000
+    assert SystemLog.objects.filter(event="here").count() == SystemLog.objects.filter(event="elsewhere").count() == looks > 3
+    assert Drive.objects.get().outcome == "completed"
+
+
+def note_elsewhere(number):
+    try:
+        system_log.log("elsewhere", at=timezone.now(), number=number)
+    finally:
+        connection.close()
 
 
 def test_a_drive_that_cannot_be_read_is_told_once_and_keeps_no_other_waiting(robot, caplog):
