@@ -3,6 +3,7 @@
 import uuid
 from typing import Any
 
+from allauth.account.admin import EmailAddressAdmin
 from django.contrib import admin
 from django.contrib.auth.admin import UserAdmin
 from django.db.models import Q, QuerySet
@@ -12,6 +13,9 @@ from django.utils.translation import gettext_lazy as _
 from accounts.models import AuditEntry, User
 
 RIGHTS = ("is_active", "is_staff", "is_superuser", "groups", "user_permissions")
+
+# allauth offers it to whoever may look at addresses.
+EmailAddressAdmin.make_verified.allowed_permissions = ("change",)
 
 
 @admin.register(User)
