@@ -10,6 +10,7 @@ from django.db.models import Q, QuerySet
 from django.http import HttpRequest
 from django.utils.translation import gettext_lazy as _
 
+from accounts.admin_filters import ShownFilters
 from accounts.models import AuditEntry, User
 
 RIGHTS = ("is_active", "is_staff", "is_superuser", "groups", "user_permissions")
@@ -19,7 +20,7 @@ EmailAddressAdmin.make_verified.allowed_permissions = ("change",)
 
 
 @admin.register(User)
-class PersonAdmin(UserAdmin):
+class PersonAdmin(ShownFilters, UserAdmin):
     """Visitors, researchers and owners in one list; the newest first."""
 
     list_display = ("username", "display_name", "email", "date_joined", "last_login", "is_staff", "is_active")

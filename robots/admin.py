@@ -56,6 +56,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, OfRobots):
 
     list_display = ("title", "name", "drive", "online_now", "battery", "docked", "who", "driver", "seen")
     list_filter = ("enabled", "access", "connection", "floor_plan", "owner")
+    linked = ("floor_plan__id__exact",)
     list_select_related = ("lease__session__visitor", "floor_plan", "owner")
     search_fields = ("title", "name", "description", "owner__username")
     autocomplete_fields = ("owner",)

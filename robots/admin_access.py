@@ -12,6 +12,7 @@ from django.forms import CharField, ModelForm, TextInput
 from django.http import HttpRequest
 from django.utils.translation import gettext_lazy as _
 
+from accounts.admin_filters import ShownFilters
 from accounts.models import User
 from robots.models import Robot, RobotPermit
 
@@ -20,7 +21,7 @@ def _user(request: HttpRequest) -> Any:
     return request.user
 
 
-class OfRobots(admin.ModelAdmin):
+class OfRobots(ShownFilters):
     """Rows that belong to a robot; `robot` is the way to it in Django's notation, empty for the robot itself."""
 
     robot = ""

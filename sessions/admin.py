@@ -23,6 +23,7 @@ from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
 from accounts import audit
+from accounts.admin_filters import ShownFilters
 from robots.admin import NOTHING, link_to
 from robots.admin_access import OfRobots
 from sessions import api_key_admin, system_log, turns
@@ -37,7 +38,7 @@ VIEW = "telepresence_sessions.view_session"
 PAGES = (api_key_admin.ApiKeyAdmin,)  # of modules of their own; Django looks for pages in this one
 
 
-class ReadOnlyAdmin(admin.ModelAdmin):
+class ReadOnlyAdmin(ShownFilters):
     """A page to look at."""
 
     show_full_result_count = False
@@ -72,6 +73,7 @@ class SessionAdmin(OwnersRows):
     list_display = ("begun", "visitor_link", "robot_link", "state", "outcome", "driven", "distance", "states", "methods", "device_name")
     list_display_links = ("begun",)
     list_filter = ("state", "outcome", "robot", "queued_at")
+    linked = ("robot__id__exact",)
     list_select_related = ("visitor", "robot")
     list_per_page = 50
     search_fields = ("visitor__username", "visitor__display_name", "visitor__email", "robot__name", "robot__title", "outcome_reason")

@@ -1,6 +1,7 @@
 """What an owner finds in the administration: their own robot, and nothing about who drove it."""
 
 import pytest
+from django.contrib.auth.models import Permission
 from django.urls import reverse
 
 from robots.models import FloorPlan, Robot
@@ -56,6 +57,37 @@ def test_an_owner_reads_that_the_robot_was_driven_and_not_by_whom(client, driven
     html = client.get(reverse(f"admin:telepresence_sessions_{page}", args=args)).content.decode()
     assert "Giraff" in html
     assert [word for word in SECRETS if word in html] == []
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        "telepresence_sessions_session?device__network=198.51.100.0/24", "telepresence_sessions_session?device__user_agent__startswith=M",
+        "telepresence_sessions_session?visitor__id__startswith=0", "telepresence_sessions_session?live_key__startswith=0",
+        "telepresence_sessions_session?terms__study=cabin-study", "telepresence_sessions_session?events=0",
+        "telepresence_sessions_lease?peer__startswith=p", "telepresence_sessions_lease?session__visitor__username=zaphod",
+        "telepresence_sessions_systemlog?session__visitor__id=0", "telepresence_sessions_apikey?token_hash__startswith=p",
+        "robots_robot?credential_hash__startswith=p", "robots_robot?permits__user__username=zaphod", "robots_floorplan?sha256__startswith=0",
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("rights", [[], ["view_session", "view_lease", "view_systemlog", "view_apikey", "view_robot", "view_floorplan"]])
+def test_a_list_is_not_asked_for_what_it_does_not_show(client, owner, driven, asked, rights):
+    owner.user_permissions.set(Permission.objects.filter(codename__in=rights))
+    page, _mark, query = asked.partition("?")
+    address = reverse(f"admin:{page}_changelist")
+    assert client.get(address).status_code == 200
+    assert client.get(f"{address}?{query}").status_code == 400
+
+
+def test_an_owner_filters_and_follows_the_links_of_the_site(client, driven, robot):
+    for page, lookup, value in (
+        ("telepresence_sessions_session", "robot__id__exact", robot.pk), ("telepresence_sessions_session", "state__exact", driven.state),
+        ("telepresence_sessions_session", "queued_at__year", driven.queued_at.year), ("telepresence_sessions_systemlog", "level__exact", "info"),
+        ("robots_robot", "floor_plan__id__exact", robot.floor_plan_id), ("robots_robot", "enabled__exact", "1"),
+    ):  # fmt: skip
+        assert client.get(reverse(f"admin:{page}_changelist"), {lookup: value}).context["cl"].result_count == 1, lookup
+    assert f"?robot__id__exact={robot.pk}" in client.get(reverse("admin:robots_robot_change", args=[robot.pk])).content.decode()
+    assert f"?floor_plan__id__exact={robot.floor_plan_id}" in client.get(reverse("admin:robots_floorplan_changelist")).content.decode()
 
 
 def test_an_owner_finds_no_session_by_what_they_know_of_a_visitor(client, driven):
