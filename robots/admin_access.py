@@ -51,6 +51,11 @@ class OfRobots(ShownFilters):
         return bool(super().has_view_permission(request, obj)) or self.is_of(request, obj)
 
 
+def theirs_to_change(request: HttpRequest, robots: "QuerySet[Robot]") -> "QuerySet[Robot]":
+    """Leave out robots that whoever asks may only look at: Django asks whether they may do such a thing at all, and not to which."""
+    return robots if _user(request).has_perm("robots.change_robot") else robots.filter(owner=_user(request))
+
+
 # --- who may drive, for owners, who look nobody up ----------------------------------------------------------------------
 
 

@@ -49,6 +49,10 @@ def test_an_owner_changes_all_of_a_robot_but_whose_it_is_and_where(client, robot
     changed = Robot.objects.get(pk=robot.pk)
     assert (changed.title, changed.access, changed.calls) == ("Mine", "trained", "ask")
     assert (changed.owner, changed.floor_plan.name, changed.name) == (owner, "cabin", "giraff")
+    owner.user_permissions.add(Permission.objects.get(codename="view_robot"))
+    assert client.post(reverse("admin:robots_robot_change", args=[robot.pk]), form | {"title": "Ours"}).status_code == 302
+    changed.refresh_from_db()
+    assert (changed.title, changed.owner, changed.floor_plan.name) == ("Ours", owner, "cabin"), "a right to look gives nothing away"
 
 
 @pytest.mark.parametrize("page", ["session_changelist", "session_change", "session_history", "systemlog_changelist", "lease_changelist"])
@@ -104,12 +108,24 @@ def test_an_owner_takes_no_record_away(client, driven, action):
     assert answer.headers.get("Content-Disposition") is None
 
 
-def test_an_owner_acts_on_no_robot_of_others_whatever_is_sent(client, owner, robot):
-    theirs = Robot.objects.create(name="rhodon", title="Rhodon", owner=person("other"), credential_hash="kept")
-    for action in ("disable", "revoke_credentials", "free", "rotate_credentials"):
+@pytest.mark.parametrize("rights", [[], ["view_robot"]])
+def test_an_owner_acts_on_no_robot_of_others_whatever_is_sent(client, owner, robot, rights):
+    owner.user_permissions.set(Permission.objects.filter(codename__in=rights))
+    theirs = Robot.objects.create(name="rhodon", title="Rhodon", owner=person("other"), credential_hash="kept", turnaround="paused")
+    off = Robot.objects.create(name="tiago", title="Tiago", enabled=False)
+    for action in ("disable", "rotate_credentials", "revoke_credentials", "free"):
         client.post(reverse("admin:robots_robot_changelist"), {"action": action, "_selected_action": [theirs.pk, robot.pk]})
+    client.post(reverse("admin:robots_robot_changelist"), {"action": "enable", "_selected_action": [off.pk]})
     theirs.refresh_from_db()
-    assert (theirs.enabled, theirs.credential_hash, theirs.renewal_asked_at) == (True, "kept", None)
+    assert (theirs.enabled, theirs.credential_hash, theirs.renewal_asked_at, theirs.turnaround) == (True, "kept", None, "paused")
+    assert dict(Robot.objects.values_list("name", "enabled")) == {"giraff": False, "rhodon": True, "tiago": False}
+
+
+def test_whoever_may_change_robots_acts_on_all_of_them(client, robot):
+    operator = person("operator", is_staff=True)
+    operator.user_permissions.add(Permission.objects.get(codename="change_robot"))
+    client.force_login(operator)
+    client.post(reverse("admin:robots_robot_changelist"), {"action": "disable", "_selected_action": [robot.pk]})
     assert not Robot.objects.get(pk=robot.pk).enabled
 
 
