@@ -20,7 +20,7 @@ from django.utils.translation import ngettext
 from django.views.decorators.cache import never_cache
 
 from accounts import audit
-from robots.admin_access import OfRobots, OwnersPermits, theirs_to_change
+from robots.admin_access import OfRobots, OwnersPermits, WithDriver, theirs_to_change
 from robots.between import in_words
 from robots.credentials import make_credentials, revoke
 from robots.door_admin import DoorPage
@@ -51,7 +51,7 @@ class PermitInline(admin.TabularInline):
 
 
 @admin.register(Robot)
-class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, OfRobots):
+class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     """Robots: what they are, who may drive them, and how they are right now. Owners find their own, and change all but whose they are."""
 
     list_display = ("title", "name", "drive", "online_now", "battery", "docked", "who", "driver", "seen")
@@ -186,7 +186,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, OfRobots):
         lease = getattr(robot, "lease", None)
         if lease is None or lease.session is None:
             return NOTHING
-        return link_to("admin:telepresence_sessions_session_change", lease.session.visitor.shown_name, lease.session.pk)
+        return link_to("admin:telepresence_sessions_session_change", self.driver_of(robot, lease.session), lease.session.pk)
 
     @admin.display(description="")
     def drive(self, robot: Robot) -> str | SafeString:

@@ -25,7 +25,7 @@ from django.utils.translation import ngettext
 from accounts import audit
 from accounts.admin_filters import ShownFilters
 from robots.admin import NOTHING, link_to
-from robots.admin_access import OfRobots
+from robots.admin_access import OfRobots, WithDriver
 from sessions import api_key_admin, system_log, turns
 from sessions.downloads import as_csv, as_json
 from sessions.manager_beat import STALE_SECONDS
@@ -298,8 +298,8 @@ def snapshot_view(request: HttpRequest, snapshot: uuid.UUID) -> HttpResponse:
 
 
 @admin.register(Lease)
-class LeaseAdmin(OwnersRows):
-    """Who drives now. The page's secret id is not shown."""
+class LeaseAdmin(WithDriver, OwnersRows):
+    """Who drives now, for owners that somebody does. The page's secret id is not shown."""
 
     list_display = ("robot", "driver", "epoch", "renewal", "changed_at")
     list_select_related = ("robot", "session__visitor")
@@ -312,7 +312,7 @@ class LeaseAdmin(OwnersRows):
         """The session that holds the lease."""
         if lease.session is None:
             return _now("nobody")
-        return link_to("admin:telepresence_sessions_session_change", lease.session.visitor.shown_name, lease.session.pk)
+        return link_to("admin:telepresence_sessions_session_change", self.driver_of(lease, lease.session), lease.session.pk)
 
 
 @admin.register(SystemLog)

@@ -31,7 +31,7 @@ def driven(robot):
     device = {"os": "Linux", "browser": "Firefox", "network": "198.51.100.0/24", "user_agent": "Mozilla/5.0"}
     row = replays.session(robot, person("zaphod", display_name="Zaphod", email="zaphod@example.org"), seconds=60, device=device)
     SessionEvent.objects.create(session=row, source="page", type="said", stamp=1.0, received_at=1.0, data={"text": "told by the page"})
-    Lease.objects.create(robot=robot, changed_at=row.granted_at)
+    Lease.objects.create(robot=robot, session=row, peer="p-4711", changed_at=row.granted_at)
     system_log.log("session_ended", robot=robot, session=row)
     return row
 
@@ -61,6 +61,19 @@ def test_an_owner_reads_that_the_robot_was_driven_and_not_by_whom(client, driven
     html = client.get(reverse(f"admin:telepresence_sessions_{page}", args=args)).content.decode()
     assert "Giraff" in html
     assert [word for word in SECRETS if word in html] == []
+
+
+@pytest.mark.parametrize(
+    "page", ["robots_robot_changelist", "robots_robot_change", "telepresence_sessions_lease_changelist", "telepresence_sessions_lease_change"]
+)
+def test_an_owner_reads_that_somebody_drives_and_who_sees_all_reads_who(client, driven, robot, page):
+    address = reverse(f"admin:{page}", args=[robot.pk] if page.endswith("_change") else [])
+    html = client.get(address).content.decode()
+    assert ">somebody<" in html
+    assert [word for word in SECRETS if word in html] == []
+    assert ">alguien<" in client.get(address, headers={"accept-language": "es"}).content.decode()
+    client.force_login(person("boss", is_staff=True, is_superuser=True))
+    assert ">Zaphod<" in client.get(address).content.decode()
 
 
 @pytest.mark.parametrize(
