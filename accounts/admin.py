@@ -3,19 +3,24 @@
 import uuid
 from typing import Any
 
+from allauth.account.admin import EmailAddressAdmin
 from django.contrib import admin
 from django.contrib.auth.admin import UserAdmin
 from django.db.models import Q, QuerySet
 from django.http import HttpRequest
 from django.utils.translation import gettext_lazy as _
 
+from accounts.admin_filters import ShownFilters
 from accounts.models import AuditEntry, User
 
 RIGHTS = ("is_active", "is_staff", "is_superuser", "groups", "user_permissions")
 
+# allauth offers it to whoever may look at addresses.
+EmailAddressAdmin.make_verified.allowed_permissions = ("change",)
+
 
 @admin.register(User)
-class PersonAdmin(UserAdmin):
+class PersonAdmin(ShownFilters, UserAdmin):
     """Visitors, researchers and owners in one list; the newest first."""
 
     list_display = ("username", "display_name", "email", "date_joined", "last_login", "is_staff", "is_active")

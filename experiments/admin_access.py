@@ -5,10 +5,10 @@ Studies of others are not forbidden but absent. What a model's own permissions s
 
 from typing import Any
 
-from django.contrib import admin
 from django.db.models import Model, QuerySet
 from django.http import Http404, HttpRequest
 
+from accounts.admin_filters import ShownFilters
 from experiments.models import Study, StudyMember
 from experiments.research_access import Role, may
 
@@ -30,7 +30,7 @@ def study_for(request: HttpRequest, pk: Any, least: Role) -> Study:
     return row
 
 
-class OfStudies(admin.ModelAdmin):
+class OfStudies(ShownFilters):
     """Rows that belong to a study; `study` is the way to it, in Django's notation, empty for the study itself."""
 
     study = ""

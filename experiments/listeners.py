@@ -1,12 +1,14 @@
 """What studies want to hear from the app below: who asks for a robot, and everything that the session manager tells."""
 
-from django.db.models.signals import pre_delete
+from django.db.models.signals import post_delete, pre_delete
 
 from accounts.models import User
 from experiments import acquaintance
 from experiments.grants import StudyTerms, invites
+from experiments.models import Study
 from experiments.notices import tell_pause
 from experiments.own_data import clear_settled, withdraw_everywhere
+from experiments.research_access import forget_members
 from experiments.runner import Runner
 from robots.access import register_guest_list
 from sessions import interfaces, signals, terms
@@ -21,6 +23,7 @@ def connect() -> None:
     register_guest_list(invites)
     interfaces.suggest_by(acquaintance.suggested_to)
     pre_delete.connect(withdraw_everywhere, sender=User, weak=False, dispatch_uid="experiments.withdraw_everywhere")
+    post_delete.connect(forget_members, sender=Study, weak=False, dispatch_uid="experiments.forget_members")
     for signal, receiver in (
         (signals.state_received, RUNNER.hear_state),
         (signals.state_recovered, RUNNER.hear_state),

@@ -10,7 +10,7 @@ from typing import Any, Concatenate, Literal, ParamSpec
 
 from django.http import Http404, HttpRequest, HttpResponseBase
 
-from experiments.models import Drive, Participant, StudyMember
+from experiments.models import Drive, Participant, Study, StudyMember
 from sessions.models import Session
 
 Role = Literal["owner", "researcher", "viewer"]
@@ -33,6 +33,15 @@ def role_of(user: Any, slug: str) -> Role | None:
 def may(user: Any, slug: str, least: Role) -> bool:
     """Tell whether somebody is at least that in a study."""
     return RANK.get(role_of(user, slug) or "", 0) >= RANK[least]
+
+
+def forget_members(instance: Study, **_more: Any) -> None:
+    """Take everybody's part in a study away with its last version: the name is free, and belongs to whoever takes it next.
+
+    A receiver of Django's signal after a study was deleted, by whomever.
+    """
+    if not Study.objects.filter(slug=instance.slug).exists():
+        StudyMember.objects.filter(slug=instance.slug).delete()
 
 
 def for_role(least: Role) -> Callable[[View[Given]], View[Given]]:

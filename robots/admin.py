@@ -20,7 +20,7 @@ from django.utils.translation import ngettext
 from django.views.decorators.cache import never_cache
 
 from accounts import audit
-from robots.admin_access import OfRobots, OwnersPermits
+from robots.admin_access import OfRobots, OwnersPermits, WithDriver, theirs_to_change
 from robots.between import in_words
 from robots.credentials import make_credentials, revoke
 from robots.door_admin import DoorPage
@@ -51,11 +51,12 @@ class PermitInline(admin.TabularInline):
 
 
 @admin.register(Robot)
-class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, OfRobots):
+class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     """Robots: what they are, who may drive them, and how they are right now. Owners find their own, and change all but whose they are."""
 
     list_display = ("title", "name", "drive", "online_now", "battery", "docked", "who", "driver", "seen")
     list_filter = ("enabled", "access", "connection", "floor_plan", "owner")
+    linked = ("floor_plan__id__exact",)
     list_select_related = ("lease__session__visitor", "floor_plan", "owner")
     search_fields = ("title", "name", "description", "owner__username")
     autocomplete_fields = ("owner",)
@@ -89,7 +90,8 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, OfRobots):
 
     def get_readonly_fields(self, request: HttpRequest, obj: Robot | None = None) -> tuple[str, ...]:
         """A name is in topics, links and recordings: it stays once the robot exists. Whose it is, and where, is the site's to say."""
-        sites = () if self.sees_all(request) else ("owner", "floor_plan")
+        may_place = self.sees_all(request) if obj is None else request.user.has_perm("robots.change_robot")
+        sites = () if may_place else ("owner", "floor_plan")
         return (*self.readonly_fields, *sites, *(("name",) if obj is not None else ()))
 
     # --- who may -----------------------------------------------------------------------------------------------------
@@ -184,7 +186,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, OfRobots):
         lease = getattr(robot, "lease", None)
         if lease is None or lease.session is None:
             return NOTHING
-        return link_to("admin:telepresence_sessions_session_change", lease.session.visitor.shown_name, lease.session.pk)
+        return link_to("admin:telepresence_sessions_session_change", self.driver_of(robot, lease.session), lease.session.pk)
 
     @admin.display(description="")
     def drive(self, robot: Robot) -> str | SafeString:
@@ -268,7 +270,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, OfRobots):
     @admin.action(description=_("Make new credentials"), permissions=["change"])
     def new_credentials(self, request: HttpRequest, robots: "QuerySet[Robot]") -> HttpResponse | None:
         """Go to the page that makes them, for one robot at a time: they are shown only once."""
-        chosen = list(robots[:2])
+        chosen = list(theirs_to_change(request, robots)[:2])
         if len(chosen) == 1:
             return HttpResponseRedirect(reverse("admin:robots_robot_credentials", args=[chosen[0].pk]))
         self.message_user(request, _now("Choose one robot: its credentials are shown only once."), messages.ERROR)
@@ -277,17 +279,18 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, OfRobots):
     @admin.action(description=_("Revoke the credentials"), permissions=["change"])
     def revoke_credentials(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
         """Take the tokens away; the broker disconnects the robots within seconds."""
-        for robot in robots:
+        chosen = list(theirs_to_change(request, robots))
+        for robot in chosen:
             revoke(robot)
             self.log_change(request, robot, _now("Credentials revoked."))
             audit.note("credentials_revoked", actor=request.user, robot=robot)
-        text = ngettext("%(n)d robot can no longer connect.", "%(n)d robots can no longer connect.", len(robots))
-        self.message_user(request, text % {"n": len(robots)}, messages.SUCCESS)
+        text = ngettext("%(n)d robot can no longer connect.", "%(n)d robots can no longer connect.", len(chosen))
+        self.message_user(request, text % {"n": len(chosen)}, messages.SUCCESS)
 
     @admin.action(description=_("Free now, wherever it stands"), permissions=["change"])
     def free(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
         """Let visitors have robots that are on their way home, charging, or stuck."""
-        changed = list(robots.exclude(turnaround=Robot.Turnaround.READY))
+        changed = list(theirs_to_change(request, robots).exclude(turnaround=Robot.Turnaround.READY))
         Robot.objects.filter(pk__in=[robot.pk for robot in changed]).update(turnaround=Robot.Turnaround.READY, turnaround_reason="")
         for robot in changed:
             self.log_change(request, robot, _now("Freed."))
@@ -306,7 +309,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, OfRobots):
         self._set_enabled(request, robots, enabled=True)
 
     def _set_enabled(self, request: HttpRequest, robots: "QuerySet[Robot]", *, enabled: bool) -> None:
-        changed = list(robots.exclude(enabled=enabled))
+        changed = list(theirs_to_change(request, robots).exclude(enabled=enabled))
         Robot.objects.filter(pk__in=[robot.pk for robot in changed]).update(enabled=enabled)
         for robot in changed:
             self.log_change(request, robot, _now("Enabled.") if enabled else _now("Disabled."))

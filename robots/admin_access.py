@@ -7,11 +7,13 @@ from typing import Any
 
 from django.contrib import admin
 from django.core.exceptions import ValidationError
-from django.db.models import Model, QuerySet
+from django.db.models import Model, QuerySet, Value
 from django.forms import CharField, ModelForm, TextInput
 from django.http import HttpRequest
+from django.utils.translation import gettext as _now
 from django.utils.translation import gettext_lazy as _
 
+from accounts.admin_filters import ShownFilters
 from accounts.models import User
 from robots.models import Robot, RobotPermit
 
@@ -20,7 +22,7 @@ def _user(request: HttpRequest) -> Any:
     return request.user
 
 
-class OfRobots(admin.ModelAdmin):
+class OfRobots(ShownFilters):
     """Rows that belong to a robot; `robot` is the way to it in Django's notation, empty for the robot itself."""
 
     robot = ""
@@ -48,6 +50,24 @@ class OfRobots(admin.ModelAdmin):
     def has_view_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
         """Whoever sees all, and the owner."""
         return bool(super().has_view_permission(request, obj)) or self.is_of(request, obj)
+
+
+class WithDriver(OfRobots):
+    """Rows that show who drives: by name to whoever sees all of them, and to the robot's owner that somebody does."""
+
+    def get_queryset(self, request: HttpRequest) -> "QuerySet[Any]":
+        """Say with each row whether it may name the driver: a column knows its row and not who asks."""
+        return super().get_queryset(request).annotate(names_driver=Value(self.sees_all(request)))
+
+    @staticmethod
+    def driver_of(row: Any, session: Any) -> str:
+        """Return what the page calls the visitor of a session."""
+        return str(session.visitor.shown_name) if getattr(row, "names_driver", False) else _now("somebody")
+
+
+def theirs_to_change(request: HttpRequest, robots: "QuerySet[Robot]") -> "QuerySet[Robot]":
+    """Leave out robots that whoever asks may only look at: Django asks whether they may do such a thing at all, and not to which."""
+    return robots if _user(request).has_perm("robots.change_robot") else robots.filter(owner=_user(request))
 
 
 # --- who may drive, for owners, who look nobody up ----------------------------------------------------------------------

@@ -11,6 +11,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy, ngettext
 
 from accounts import audit
+from robots.admin_access import theirs_to_change
 from robots.credentials import ask_for_renewal
 from robots.enrolment import make_token
 from robots.models import Robot
@@ -35,7 +36,7 @@ class EnrolmentPage:
     @admin.action(description=gettext_lazy("Have new credentials fetched"), permissions=["change"])
     def rotate_credentials(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
         """Let the agents take new credentials by themselves; the present ones hold for a day more."""
-        chosen = list(robots.exclude(credential_hash=""))
+        chosen = list(theirs_to_change(request, robots).exclude(credential_hash=""))
         for robot in chosen:
             ask_for_renewal(robot, timezone.now())
             self.log_change(request, robot, _("New credentials asked for."))  # type: ignore[attr-defined]

@@ -23,8 +23,9 @@ from django.utils.translation import gettext_lazy as _
 from django.utils.translation import ngettext
 
 from accounts import audit
+from accounts.admin_filters import ShownFilters
 from robots.admin import NOTHING, link_to
-from robots.admin_access import OfRobots
+from robots.admin_access import OfRobots, WithDriver
 from sessions import api_key_admin, system_log, turns
 from sessions.downloads import as_csv, as_json
 from sessions.manager_beat import STALE_SECONDS
@@ -37,7 +38,7 @@ VIEW = "telepresence_sessions.view_session"
 PAGES = (api_key_admin.ApiKeyAdmin,)  # of modules of their own; Django looks for pages in this one
 
 
-class ReadOnlyAdmin(admin.ModelAdmin):
+class ReadOnlyAdmin(ShownFilters):
     """A page to look at."""
 
     show_full_result_count = False
@@ -72,6 +73,7 @@ class SessionAdmin(OwnersRows):
     list_display = ("begun", "visitor_link", "robot_link", "state", "outcome", "driven", "distance", "states", "methods", "device_name")
     list_display_links = ("begun",)
     list_filter = ("state", "outcome", "robot", "queued_at")
+    linked = ("robot__id__exact",)
     list_select_related = ("visitor", "robot")
     list_per_page = 50
     search_fields = ("visitor__username", "visitor__display_name", "visitor__email", "robot__name", "robot__title", "outcome_reason")
@@ -296,8 +298,8 @@ def snapshot_view(request: HttpRequest, snapshot: uuid.UUID) -> HttpResponse:
 
 
 @admin.register(Lease)
-class LeaseAdmin(OwnersRows):
-    """Who drives now. The page's secret id is not shown."""
+class LeaseAdmin(WithDriver, OwnersRows):
+    """Who drives now, for owners that somebody does. The page's secret id is not shown."""
 
     list_display = ("robot", "driver", "epoch", "renewal", "changed_at")
     list_select_related = ("robot", "session__visitor")
@@ -310,7 +312,7 @@ class LeaseAdmin(OwnersRows):
         """The session that holds the lease."""
         if lease.session is None:
             return _now("nobody")
-        return link_to("admin:telepresence_sessions_session_change", lease.session.visitor.shown_name, lease.session.pk)
+        return link_to("admin:telepresence_sessions_session_change", self.driver_of(lease, lease.session), lease.session.pk)
 
 
 @admin.register(SystemLog)

@@ -14,6 +14,7 @@ from django.utils.translation import gettext as _now
 from django.utils.translation import gettext_lazy as _
 
 from accounts import audit
+from accounts.admin_filters import ShownFilters
 from surveys import admin_pages
 from surveys.definition import spoken, to_json
 from surveys.downloads import as_long_csv
@@ -24,7 +25,7 @@ NOTHING = "–"
 
 
 @admin.register(Questionnaire)
-class QuestionnaireAdmin(admin.ModelAdmin):
+class QuestionnaireAdmin(ShownFilters):
     """Questionnaires by version. A version that somebody answered stays as it is."""
 
     form = QuestionnaireForm
@@ -111,7 +112,7 @@ class QuestionnaireAdmin(admin.ModelAdmin):
 
 
 @admin.register(Response)
-class ResponseAdmin(admin.ModelAdmin):
+class ResponseAdmin(ShownFilters):
     """Who answered what. Nothing is edited; a response can be deleted, because respondents have a right to it."""
 
     list_display = ("started_at", "who", "questionnaire", "context_label", "robots", "outcome", "progress", "finished_at")

@@ -1,4 +1,5 @@
 import pytest
+from allauth.account.models import EmailAddress
 from django.contrib.auth.models import Permission
 from django.urls import reverse
 
@@ -87,3 +88,22 @@ def test_whoever_may_change_people_changes_no_administrator_nor_their_password(c
     client.post(reverse("admin:accounts_user_delete", args=[boss.pk]), {"post": "yes"})
     kept = User.objects.get(pk=boss.pk)
     assert (kept.username, kept.is_active, kept.check_password(PASSWORD)) == ("boss", True, True)
+
+
+@pytest.mark.parametrize("lookup", ["robot_sessions", "participations", "robot_permits", "password__startswith", "id__startswith"])
+def test_whoever_may_change_people_does_not_ask_whose_something_is(client, helper, lookup):
+    assert client.get(reverse(PEOPLE), {lookup: str(helper.pk)}).status_code == 400
+
+
+def test_whoever_may_change_people_filters_them(client, helper):
+    for lookup, value in (("is_staff__exact", "1"), ("date_joined__year", helper.date_joined.year)):
+        assert client.get(reverse(PEOPLE), {lookup: value}).context["cl"].result_count == 1
+
+
+def test_an_address_is_marked_as_verified_by_who_may_change_it_and_not_by_who_may_look(client, helper):
+    address = EmailAddress.objects.create(user=helper, email="helper@example.org")
+    chosen = {"action": "make_verified", "_selected_action": [address.pk]}
+    for right, is_verified in (("view_emailaddress", False), ("change_emailaddress", True)):
+        helper.user_permissions.add(Permission.objects.get(codename=right))
+        client.post(reverse("admin:account_emailaddress_changelist"), chosen)
+        assert EmailAddress.objects.get().verified is is_verified, right

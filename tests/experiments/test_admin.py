@@ -266,6 +266,22 @@ def test_only_a_draft_that_nobody_took_part_in_is_deleted(client, boss, publishe
     assert Study.objects.get() == published
 
 
+@pytest.mark.parametrize("way", ["page", "rows"])
+def test_the_name_of_a_study_that_is_gone_belongs_to_whoever_takes_it_next(client, study, way):
+    second = publishing.new_version(study, NOW)
+    StudyMember.objects.create(slug="another", user=member(client, "owner"), role="viewer")
+    client.post(at("delete", second), {"post": "yes"})
+    assert StudyMember.objects.filter(slug=study.slug).count() == 1, "a version is left"
+    if way == "page":
+        client.post(at("delete", study), {"post": "yes"})
+    else:
+        Study.objects.all().delete()
+    assert not Study.objects.exists()
+    next_one = person("nora", is_staff=True)
+    publishing.own(publishing.store(small_study(), NOW), next_one)
+    assert set(StudyMember.objects.values_list("slug", "user__username", "role")) == {("another", "rosa", "viewer"), ("cabin-study", "nora", "owner")}
+
+
 # --- the list and the overview ---------------------------------------------------------------------------------------
 
 

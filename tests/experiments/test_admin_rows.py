@@ -109,6 +109,34 @@ def test_drives_are_filtered(client, drive, query, is_listed):
     assert (drive.participant.code in client.get(reverse(DRIVES), query).content.decode()) == is_listed
 
 
+@pytest.mark.parametrize(
+    "asked",
+    [
+        "participant?recruitment__PROLIFIC_PID__startswith=p", "participant?age=33", "participant?user__id__startswith=0", "participant?consents=0",
+        "participant?completion_code__startswith=0", "participant?study__secret__startswith=0",
+        "drive?participant__user=0", "drive?participant__recruitment__PROLIFIC_PID=p77", "drive?session__visitor__username=anna", "drive?seed=1",
+        "rehearsal?report__minutes=12", "study?secret__startswith=0", "study?definition__slug=cabin-study", "study?participants__user__username=anna",
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("role", ["viewer", "owner"])
+def test_a_list_is_not_asked_for_what_it_does_not_show(client, drive, asked, role):
+    signed_in(client, role)
+    page, _mark, query = asked.partition("?")
+    address = reverse(f"admin:experiments_{page}_changelist")
+    assert client.get(address).status_code == 200
+    assert client.get(f"{address}?{query}").status_code == 400
+
+
+def test_participants_and_studies_are_filtered(client, drive):
+    signed_in(client, "viewer")
+    study = drive.participant.study_id
+    for page, query, count in (
+        ("participant", {"study": study, "kind__exact": "participant"}, 1), ("participant", {"kind__exact": "bot"}, 0),
+        ("participant", {"created_at__year": NOW.year}, 1), ("study", {"status__exact": "draft"}, 1), ("rehearsal", {"study": study}, 0),
+    ):  # fmt: skip
+        assert client.get(reverse(f"admin:experiments_{page}_changelist"), query).context["cl"].result_count == count, query
+
+
 def test_a_drive_is_excluded_and_taken_back_with_reasons_that_are_noted(client, drive):
     user = signed_in(client, "researcher")
     assert "Exclude" in read(client.get(change(drive))).text

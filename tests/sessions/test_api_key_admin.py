@@ -4,6 +4,7 @@ import datetime
 import re
 
 import pytest
+from django.contrib.auth.models import Permission
 from django.test import Client
 from django.utils import timezone
 
@@ -68,6 +69,16 @@ def test_an_owner_neither_sees_nor_makes_nor_deletes_keys_of_other_robots(client
     assert "lift" not in client.get(LIST).content.decode()
     assert 'id="key"' not in client.post(f"{LIST}add/", {"robot": other.pk, "label": "x"}).content.decode()
     client.post(LIST, {"action": "delete_selected", "_selected_action": [ApiKey.objects.get().pk], "post": "yes"})
+    assert ApiKey.objects.get().label == "lift"
+
+
+def test_an_owner_who_may_look_at_all_keys_takes_only_their_own_away(client, owner, giraff):
+    owner.user_permissions.add(Permission.objects.get(codename="view_apikey"))
+    make_key(robot_of(person("another"), "rhodon"), "lift", timezone.now())
+    assert "lift" in client.get(LIST).content.decode()
+    pk = ApiKey.objects.get().pk
+    client.post(LIST, {"action": "delete_selected", "_selected_action": [pk], "post": "yes"})
+    client.post(f"{LIST}{pk}/delete/", {"post": "yes"})
     assert ApiKey.objects.get().label == "lift"
 
 

@@ -246,3 +246,13 @@ def test_who_may_see_questionnaires_may_not_read_answers(client, answered):
     client.force_login(answered.user)
     for name in ("preview", "export"):
         assert client.get(page_of(name, row)).status_code == 302
+
+
+def test_a_list_is_not_asked_for_what_it_does_not_show(client, answered):
+    staff_with(client, "view_questionnaire", "view_response")
+    for page, lookups in (("questionnaire", ("responses", "sha256__startswith")), ("response", ("slot__startswith", "user"))):
+        for lookup in lookups:
+            assert client.get(reverse(f"admin:surveys_{page}_changelist"), {lookup: str(answered.pk)}).status_code == 400, lookup
+    link = f"?questionnaire__id__exact={answered.questionnaire_id}"
+    assert link in client.get(reverse(LIST)).content.decode()
+    assert client.get(reverse("admin:surveys_response_changelist") + link).context["cl"].result_count == 1
