@@ -20,6 +20,7 @@ from robots.agent.navigation.steps import Sense, Step, failed, finished
 from robots.agent.navigation.surroundings import Surroundings
 from robots.agent.world.sensing import Floats
 from robots.api.floorplan import FloorPlan
+from robots.api.geometry import wrap_angle
 from robots.api.messages import Limits, Velocity
 
 LOOK_EVERY = 0.5  # is the way still free?: seconds
@@ -31,6 +32,7 @@ NEAR_ENOUGH = 5.0  # seconds after which a place beside a goal that something st
 CLOSER_LOOKS = 6  # at what was seen in the way from afar
 RETRY = 1.0  # seconds between two looks for a way
 HELD = 2.0  # seconds before a thing until the robot backs off
+CREPT, CREPT_TURN = 0.05, 0.15  # metres, radians: no way off from where something holds the robot
 BACK_OFF, BACK_SPEED, BACK_TIME = 0.15, 0.1, 6.0  # metres, m/s, seconds at most
 WAYS_OUT, AWAY = (0.0, 0.3, -0.3), 0.01  # rad/s, and metres by which another way out must be better
 GIVE_WAY_AFTER, GIVE_WAY, GIVE_WAY_TO = 5.0, 0.4, 0.6  # seconds face to face with somebody, metres to back off, metres that are close
@@ -72,7 +74,7 @@ class Journey:
         self._looked = self._sought = self._shorter = -math.inf
         self._planned_in: Floats | None = None
         self._no_way_since: float | None = None
-        self._held_since: float | None = None
+        self._held: Sense | None = None  # since when and where
         self._back: _Back | None = None
         self._gave_way = -math.inf
         self._back_offs = 0
@@ -176,17 +178,27 @@ class Journey:
     # --- getting on -----------------------------------------------------------------------------------------------------
 
     def _on_the_way(self, sense: Sense, followed: Followed) -> Step:
-        if followed.state != "held":
-            self._held_since = None
+        held = followed.state == "held"
+        if self._held is None or self._moved_on(sense, self._held):
+            self._held = sense if held else None
+        if self._held is None:
             return self._running(followed.velocity, "")
-        self._held_since = sense.now if self._held_since is None else self._held_since
-        if followed.why == "thing" and sense.now - self._held_since >= HELD and self._back_offs < BACK_OFFS:
+        waited = sense.now - self._held.now
+        if followed.why == "thing" and waited >= HELD and self._back_offs < BACK_OFFS:
             self._surroundings.note(sense.pose, np.vstack([sense.hazards.things, sense.hazards.strangers]), sense.now)
-            self._back, self._held_since = _Back(sense, BACK_OFF, self._way_out(sense)), None
+            self._back, self._held = _Back(sense, BACK_OFF, self._way_out(sense)), None
             self._back_offs += 1
-        elif followed.why == "walker" and sense.now - self._held_since >= GIVE_WAY_AFTER:
+        elif followed.why == "walker" and waited >= GIVE_WAY_AFTER:
             self._give_way(sense)
+        if not held:
+            return self._running(followed.velocity, "")
         return self._running(ZERO, "waits for somebody in the way" if followed.why == "walker" else "something stands very close")
+
+    @staticmethod
+    def _moved_on(sense: Sense, held: Sense) -> bool:
+        """Tell whether the robot has come away from where it was held: it may creep in between, a finger's breadth at a time."""
+        turned = abs(wrap_angle(sense.odometry.theta - held.odometry.theta))
+        return sense.odometry.distance(held.odometry) > CREPT or turned > CREPT_TURN
 
     def _give_way(self, sense: Sense) -> None:
         """Back off from somebody who stands before the robot and may want to pass, now and then."""

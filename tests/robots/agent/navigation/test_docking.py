@@ -97,6 +97,15 @@ def test_contacts_that_never_meet_are_tried_three_times_and_then_given_up(monkey
     assert made.sim.clearance() > 0.1
 
 
+def test_a_robot_beside_an_open_door_backs_off_though_it_can_still_creep() -> None:
+    """It may turn by a degree now and then: that is no way on."""
+    made = rig("1.88,2.76,1.67")
+    made.navigator.dock()
+    done = made.run(45.0)
+    assert (done.status, made.sim.docked, made.sim.contacts) == ("FINISHED", True, 0)
+    assert "backs off" in made.reasons
+
+
 def test_a_station_behind_closed_doors_cannot_be_reached() -> None:
     made = rig("2.0,1.0,1.5708")
     made.sim.set_doors({"lab-door": "closed", "lounge-door": "closed"})
