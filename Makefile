@@ -11,7 +11,7 @@ BIN := $(VENV)/bin
 PHOTOGRAPHED := $(addprefix tests/browser/test_,accessibility.py autonomy.py slow_picture.py replay.py presence.py)
 export PORT LAN RESET
 
-.PHONY: demo test lint bench docs lock setup setup-dev screenshots
+.PHONY: demo test lint bench docs lock setup setup-dev test-packages screenshots
 .DEFAULT_GOAL := demo
 
 demo: setup
@@ -22,18 +22,20 @@ setup:
 
 setup-dev:
 	@sh deploy/set_up.sh "$(PYTHON)" "$(VENV)" requirements-dev.lock
+
+test-packages:
 	@sh deploy/test_packages.sh
 
-test: setup-dev
+test: setup-dev test-packages
 	@BIN="$(BIN)" sh deploy/run_tests.sh
 
 lint: setup-dev
 	@BIN="$(BIN)" sh deploy/run_tests.sh lint
 
-bench: setup-dev
+bench: setup-dev test-packages
 	$(BIN)/python -m benchmarks
 
-screenshots: setup-dev
+screenshots: setup-dev test-packages
 	$(BIN)/python -m tests.browser.screenshots
 	mkdir -p var/screenshots/es
 	SCREENSHOTS=var/screenshots $(BIN)/python -m pytest -q $(PHOTOGRAPHED)

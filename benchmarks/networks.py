@@ -89,7 +89,7 @@ class Robot:
     def __init__(self, server: Server, computer: Computer, address: str, folder: Path) -> None:
         self._log = (folder / f"{computer.name}.log").open("wb")
         words = ["-m", "robots.agent", "giraff", "--server", f"https://{address}", "--ca", server.files["fullchain.pem"]]
-        words += ["--var", folder / computer.name, "--option", "start=corridor-centre"]
+        words += ["--adapter", "simulator", "--var", folder / computer.name, "--option", "start=corridor-centre"]
         environment = {**os.environ, "TELEPRESENCE_TOKEN": server.token, "SSL_CERT_FILE": str(folder / "relay/fullchain.pem")}
         self._process = subprocess.Popen(
             computer.command(sys.executable, *map(str, words)), cwd=ROOT, env=environment, stdin=subprocess.DEVNULL,

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from itertools import permutations
 from typing import Literal
 
-from experiments.definition import Condition, Outcome, Refill, Study
+from experiments.definition import Outcome, Refill, Study
 
 Access = Literal["open", "invitation"]
 Stage = Literal["under_way", "freed", "filled", "refilled"]
@@ -126,10 +126,3 @@ def stage_at_end(cell: str, outcome: Outcome, *, exposed: bool, refill: Refill, 
         return "freed"
     before = sum(place.stage == "refilled" and place.cell == cell for place in held)
     return "refilled" if outcome in refill.outcomes and before < refill.most else "filled"
-
-
-def condition_for(study: Study, cell: Cell, completed_rounds: int) -> Condition | None:
-    """Return the condition of a participant's next round; None when they have done all of their cell."""
-    if completed_rounds >= len(cell.conditions):
-        return None
-    return study.condition(cell.conditions[completed_rounds])

@@ -22,7 +22,6 @@ from robots.api.messages import AssistLevel, Metres, Point, Positive, Share
 from robots.api.prepared import prepare
 from surveys.definition import Key, Language, Part, Slug, Text
 
-FORMAT = 1
 Outcome = Literal["completed", "timed_out", "connection_refused", "cancelled", "stopped_by_operator", "robot_fault", "connection_lost"]
 Controller = Literal["keyboard", "mouse", "touch", "stick", "gamepad"]
 OwnAction = Literal["places", "map", "follow", "dock", "undock", "tilt"]

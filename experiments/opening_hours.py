@@ -67,19 +67,6 @@ def opens_on_the_wall(hours: Hours, time_zone: str, now: datetime.datetime) -> d
     return later.replace(tzinfo=None) if later is not None else None
 
 
-def closes_at(hours: Hours, time_zone: str, now: datetime.datetime) -> datetime.datetime | None:
-    """Return when an open study closes, in its own time zone; None when it never does within a week, or is closed."""
-    if not hours or not is_open(hours, time_zone, now):
-        return None
-    limit, end = now + datetime.timedelta(days=_WEEK), now
-    while end < limit:
-        later = max((stop for start, stop in _around(hours, time_zone, end) if start <= end < stop), default=end)
-        if later == end:
-            return end.astimezone(ZoneInfo(time_zone))
-        end = later
-    return None
-
-
 def _around(hours: Hours, time_zone: str, now: datetime.datetime) -> list[tuple[datetime.datetime, datetime.datetime]]:
     """Return the spans from the day before a moment to a week after it, as moments in UTC: only there are they compared rightly."""
     zone = ZoneInfo(time_zone)

@@ -76,9 +76,3 @@ def ask(
     seed = secrets.randbelow(SEED_LIMIT)
     respondent = Respondent(user=participant.user)
     return responses.begin(questionnaire_of(step, now), respondent, context, language=participant.language, seed=seed, now=now)
-
-
-def responses_of(participant: Participant) -> list[Response]:
-    """Return everything that a participant has answered in a study, in order."""
-    rows = Response.objects.filter(context__startswith=context_of_all(participant)).select_related("questionnaire")
-    return list(rows.order_by("started_at"))

@@ -1,10 +1,11 @@
 """Configuration of the app."""
 
 from django.apps import AppConfig
+from django.utils.translation import gettext_lazy as _
 
 
 class RobotsConfig(AppConfig):
     """Robots."""
 
     name = "robots"
-    verbose_name = "Robots"
+    verbose_name = _("Robots")

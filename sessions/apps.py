@@ -1,6 +1,7 @@
 """Configuration of the app."""
 
 from django.apps import AppConfig
+from django.utils.translation import gettext_lazy as _
 
 
 class TelepresenceSessionsConfig(AppConfig):
@@ -8,4 +9,4 @@ class TelepresenceSessionsConfig(AppConfig):
 
     name = "sessions"
     label = "telepresence_sessions"
-    verbose_name = "Sessions with robots"
+    verbose_name = _("Sessions with robots")

@@ -15,7 +15,6 @@ import msgspec
 
 from robots.api.prepared import prepare
 
-FORMAT = 1
 Text = dict[str, str]
 Key = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 Slug = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9-]{0,39}$")]

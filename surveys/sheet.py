@@ -79,11 +79,6 @@ class Control:
         """The ids of hint and error, for aria-describedby; the page may put an error there later."""
         return " ".join(f"q-{self.key}-{name}" for name in ("hint", "error") if name == "error" or self.hint)
 
-    @property
-    def has_answer(self) -> bool:
-        """Whether anything is chosen or written."""
-        return bool(self.value) or any(choice.is_chosen for choice in (*self.choices, *self.reasons))
-
 
 @dataclass(frozen=True)
 class Block:

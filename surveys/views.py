@@ -1,16 +1,15 @@
 """The pages on which people answer: one page of a questionnaire at a time, and single answers while they are given.
 
-Both ways take the same fields. Without JavaScript only the whole page is sent; with it, the page at the end repeats what was saved.
+Both ways take the same fields. Without JavaScript only the whole page is sent; with it, the page at the end repeats what was saved. Strangers
+sign in first; whether the response that they ask for is there, they do not learn.
 """
 
 import datetime
-from collections.abc import Callable
-from functools import wraps
 from typing import Any
 from uuid import UUID
 
 import msgspec
-from django.contrib.auth.views import redirect_to_login
+from django.contrib.auth.decorators import login_required
 from django.http import HttpRequest, HttpResponse, HttpResponseBase, HttpResponseRedirect, JsonResponse
 from django.shortcuts import redirect, render
 from django.utils import timezone
@@ -22,7 +21,7 @@ from django.views.decorators.http import require_http_methods, require_POST, req
 from accounts.attempts import Attempts
 from accounts.rate_limits import limited
 from surveys import responses
-from surveys.access import own_response, respondent_of
+from surveys.access import own_response
 from surveys.answers import RefusedError
 from surveys.definition import Definition, language_for, spoken
 from surveys.models import Response
@@ -34,20 +33,8 @@ MAX_WRITER = 32
 ANSWERS = Attempts("survey-answer", limit=240)
 
 
-def for_respondents(view: Callable[..., HttpResponseBase]) -> Callable[..., HttpResponseBase]:
-    """Let strangers sign in first; whether the response that they ask for is there, they do not learn."""
-
-    @wraps(view)
-    def guarded(request: HttpRequest, *args: Any, **kwargs: Any) -> HttpResponseBase:
-        if respondent_of(request) is None:
-            return redirect_to_login(request.get_full_path())
-        return view(request, *args, **kwargs)
-
-    return guarded
-
-
 @never_cache
-@for_respondents
+@login_required
 @require_safe
 def resume(request: HttpRequest, response: UUID) -> HttpResponseBase:
     """Lead a respondent to where they left off, or on, when they are done."""
@@ -56,7 +43,7 @@ def resume(request: HttpRequest, response: UUID) -> HttpResponseBase:
 
 
 @never_cache
-@for_respondents
+@login_required
 @require_http_methods(["GET", "HEAD", "POST"])
 def page(request: HttpRequest, response: UUID, number: int) -> HttpResponseBase:
     """Show a page, or take it; `number` counts from 1."""
@@ -112,7 +99,7 @@ def _show(request: HttpRequest, row: Response, definition: Definition, number: i
 @limited(ANSWERS, json=True)
 def answer(request: HttpRequest, response: UUID) -> JsonResponse:
     """Save one answer while the page is filled in. Says `saved`, or in `error` why not."""
-    if respondent_of(request) is None:
+    if not request.user.is_authenticated:
         return JsonResponse({"saved": False, "error": _("You are signed out. Sign in again to go on.")}, status=SIGNED_OUT)
     row = own_response(request, response)
     definition = row.questionnaire.as_definition()
@@ -128,7 +115,7 @@ def answer(request: HttpRequest, response: UUID) -> JsonResponse:
 
 
 @never_cache
-@for_respondents
+@login_required
 @require_safe
 def done(request: HttpRequest, response: UUID) -> HttpResponseBase:
     """Thank whoever was asked outside of anything that goes on."""

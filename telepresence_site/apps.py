@@ -1,13 +1,14 @@
 """The site itself: what joins the apps."""
 
 from django.apps import AppConfig
+from django.utils.translation import gettext_lazy as _
 
 
 class TelepresenceSiteConfig(AppConfig):
     """Holds the commands and system checks that need every app."""
 
     name = "telepresence_site"
-    verbose_name = "Telepresence site"
+    verbose_name = _("Telepresence site")
 
     def ready(self) -> None:
         """Register the system checks."""

@@ -53,10 +53,10 @@ class Site:
 
 def discovery(robot: dict[str, Any], base: str) -> dict[str, Any]:
     """Return what Home Assistant is told of the robot: a device with its sensors and buttons."""
-    unique = f"telepresence_{robot['name']}"
+    unique, called = f"telepresence_{robot['name']}", robot["name"].replace("-", "_")
 
     def part(kind: str, name: str, label: str, **more: Any) -> dict[str, Any]:
-        return {"platform": kind, "unique_id": f"{unique}_{name}", "object_id": f"{robot['name']}_{name}", "name": label, **more}
+        return {"platform": kind, "unique_id": f"{unique}_{name}", "default_entity_id": f"{kind}.{called}_{name}", "name": label, **more}
 
     def truth(name: str, label: str, **more: Any) -> dict[str, Any]:
         return part("binary_sensor", name, label, value_template=f"{{{{ 'ON' if value_json.{name} else 'OFF' }}}}", **more)

@@ -63,11 +63,6 @@ def as_pdf(drawing: Drawing) -> bytes:
     return _saved(drawing, "pdf", {"CreationDate": None, "Creator": None, "Producer": None, "Title": drawing.title})
 
 
-def as_png(drawing: Drawing) -> bytes:
-    """Return a figure as PNG, for pages that show it small."""
-    return _saved(drawing, "png", {"Software": None})
-
-
 def _saved(drawing: Drawing, kind: str, metadata: dict[str, str | None]) -> bytes:
     buffer = io.BytesIO()
     with house_style():

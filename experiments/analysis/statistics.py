@@ -12,11 +12,10 @@ Tests take arrays with any leading axes, so that a thousand simulated studies ar
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 from scipy import stats
-from scipy.special import fdtrc, ndtr, ndtri, stdtr
+from scipy.special import fdtrc, ndtri, stdtr
 
 from experiments.analysis.dataset import Floats
 
@@ -171,26 +170,3 @@ def wilson(successes: int, n: int, level: float = 0.95) -> tuple[float, float] |
     z = float(ndtri(0.5 + level / 2.0))
     centre, slack = (successes + z * z / 2.0) / (n + z * z), z * math.sqrt(successes * (n - successes) / n + z * z / 4.0) / (n + z * z)
     return max(0.0, centre - slack), min(1.0, centre + slack)
-
-
-def participants_needed(effect: float, *, power: float = 0.8, alpha: float = 0.05, paired_design: bool = False) -> int:
-    """Return how many participants (a group, or in all when paired) show an effect of Cohen's d or d_z with a power.
-
-    By the normal approximation, plus a quarter of the squared quantile for Student's t (Guenther, 1981).
-
-    Raises:
-        ValueError: an effect of zero, or a power or alpha that is none.
-    """
-    if not effect or not 0.0 < alpha < power < 1.0:
-        raise ValueError("an effect other than zero, and 0 < alpha < power < 1, are needed")
-    z = cast("float", ndtri(1.0 - alpha / 2.0)), cast("float", ndtri(power))
-    one = (sum(z) / effect) ** 2
-    extra = z[0] ** 2 / (2.0 if paired_design else 4.0)
-    return max(2, math.ceil(one * (1.0 if paired_design else 2.0) + extra))
-
-
-def power_of(effect: float, n: int, *, alpha: float = 0.05, paired_design: bool = False) -> float:
-    """Return the power of `n` participants (a group, or in all when paired) for an effect, by the normal approximation."""
-    shift = abs(effect) * math.sqrt(n if paired_design else n / 2.0)
-    edge = float(ndtri(1.0 - alpha / 2.0))
-    return float(ndtr(shift - edge) + ndtr(-shift - edge))

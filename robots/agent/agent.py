@@ -12,9 +12,10 @@ import sys
 import threading
 import time
 from argparse import ArgumentParser
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import FrameType
+from typing import Any
 
 from robots.agent.adapters import registry
 from robots.agent.adapters.contract import Adapter, AdapterError
@@ -206,6 +207,28 @@ def factsheet_of(adapter: Adapter, equipment: Equipment, config: AgentConfig, bo
     )
 
 
+def agent_of(arguments: Mapping[str, Any]) -> Agent:
+    """Return the agent that command line, environment and credentials file make; its credentials are fetched first when that is asked.
+
+    Raises:
+        ConfigError: it cannot start like this; one sentence.
+    """
+    enrol_if_asked(arguments, check=_check)
+    return Agent(load(arguments))
+
+
+def _check(config: AgentConfig) -> None:
+    """Build the robot's side for nothing; `create` starts and reaches nothing.
+
+    Raises:
+        ConfigError: no such adapter, profile, option, site or device.
+    """
+    try:
+        equipment_of(_adapter(config), config)
+    except AdapterError as error:
+        raise ConfigError(str(error)) from error
+
+
 def run_until_signalled(agent: Agent) -> None:
     """Run an agent in the main thread until Ctrl-C or the system's wish to end it; a second Ctrl-C does not wait.
 
@@ -236,9 +259,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add_arguments(parser)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s %(message)s", stream=sys.stderr)
     try:
-        given = vars(parser.parse_args(arguments))
-        enrol_if_asked(given)
-        run_until_signalled(Agent(load(given)))
+        run_until_signalled(agent_of(vars(parser.parse_args(arguments))))
     except ConfigError as error:
         sys.stderr.write(f"{error}\n")
         return 1

@@ -61,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--credentials", metavar="FILE", type=Path, help="TOML with robot and token (default: credentials/ROBOT.toml in --var)")
     parser.add_argument("--enrol", metavar="TOKEN", help="a one-time token: fetch the credentials from --server, keep them in that file, and go on")
     parser.add_argument("--ca", metavar="FILE", help="certificates to trust besides the system's, for a self-made one")
-    parser.add_argument("--adapter", help=f"which kind of robot control architecture (default: {DEFAULT_ADAPTER})")
+    parser.add_argument("--adapter", help=f"which kind of robot control architecture (default without a --server: {DEFAULT_ADAPTER})")
     parser.add_argument("--profile", help="which robot of that kind (default: the robot's name)")
     parser.add_argument("--plan", help="the site where the robot finds its way: a shipped one or a folder (default: what the server says)")
     parser.add_argument("--option", metavar="NAME=VALUE", action="append", default=[], help="an option of the adapter; may be repeated")
@@ -77,12 +77,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--clear-estop", action="store_true", help="let go of an e-stop that was latched: for whoever stands beside the robot")
 
 
-def load(arguments: Mapping[str, Any], environment: Mapping[str, str] | None = None) -> AgentConfig:
+def load(arguments: Mapping[str, Any], environment: Mapping[str, str] | None = None, *, enrolling: bool = False) -> AgentConfig:
     """Return the configuration that command line, environment and credentials file make together.
 
     Args:
         arguments: what `add_arguments` parsed.
         environment: `TELEPRESENCE_SERVER`, `TELEPRESENCE_TOKEN` and so on; the process's own by default.
+        enrolling: the credentials are still to come: none is asked for, and the file that they will replace is not read.
 
     Raises:
         ConfigError: something is missing, contradictory or unreadable.
@@ -91,9 +92,10 @@ def load(arguments: Mapping[str, Any], environment: Mapping[str, str] | None = N
     robot = _checked_name(str(arguments["robot"]))
     var = Path(arguments.get("var") or environment.get(f"{ENVIRONMENT}VAR") or "var")
     path = credentials_path(arguments, environment)
-    kept = _credentials(path, named=path != _usual_path(var, robot), robot=robot)
+    kept = {} if enrolling else _credentials(path, named=path != _usual_path(var, robot), robot=robot)
     found = {name: _first(arguments.get(name), environment.get(ENVIRONMENT + name.upper()), kept.get(name)) for name in SETTINGS}
-    _check_addresses(arguments, found)
+    _check_addresses(arguments, found, enrolling=enrolling)
+    _check_adapter(found, enrolling=enrolling)
     return AgentConfig(
         robot=robot,
         server=None if found["mqtt_url"] else str(found["server"]).rstrip("/"),
@@ -156,7 +158,7 @@ def _credentials(path: Path, *, named: bool, robot: str) -> dict[str, Any]:
     return content
 
 
-def _check_addresses(arguments: Mapping[str, Any], found: dict[str, Any]) -> None:
+def _check_addresses(arguments: Mapping[str, Any], found: dict[str, Any], *, enrolling: bool) -> None:
     if arguments.get("server") and arguments.get("mqtt_url"):
         raise ConfigError("--server and --mqtt exclude each other: the server says where its broker is")
     if arguments.get("server"):
@@ -166,8 +168,14 @@ def _check_addresses(arguments: Mapping[str, Any], found: dict[str, Any]) -> Non
     if not found["mqtt_url"]:
         if not str(found["server"]).startswith(("https://", "http://")):
             raise ConfigError(f"the server's address begins with https:// or http://, not {found['server']!r}")
-        if not found["token"]:
+        if not found["token"] and not enrolling:
             raise ConfigError("the server asks for credentials: give --credentials FILE, which it hands out when they are made")
+
+
+def _check_adapter(found: Mapping[str, Any], *, enrolling: bool) -> None:
+    """Let nobody meet a simulated robot in the place of a real one: an agent that reaches its site from elsewhere says what it drives."""
+    if not found["adapter"] and (enrolling or not found["mqtt_url"]):
+        raise ConfigError("which robot is this? Give --adapter (ros1, ros2, rosbridge, moos, openmora_mqtt, simulator, or a .py file)")
 
 
 def _options(given: list[str]) -> dict[str, str]:

@@ -16,7 +16,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from robots.agent import credentials_file
-from robots.agent.config import ENVIRONMENT, AgentConfig, ConfigError, credentials_path
+from robots.agent.config import ENVIRONMENT, AgentConfig, ConfigError, credentials_path, load
 from robots.agent.rendezvous import LARGEST_ANSWER, TIMEOUT, ServerAwayError, trust
 
 log = logging.getLogger(__name__)
@@ -27,11 +27,18 @@ KEPT = ("robot", "user", "token")
 REFUSALS = (HTTPStatus.BAD_REQUEST, HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN, HTTPStatus.NOT_FOUND, HTTPStatus.GONE)
 
 
-def enrol_if_asked(arguments: Mapping[str, Any], environment: Mapping[str, str] | None = None) -> None:
-    """Enrol before anything else when the command line, or TELEPRESENCE_ENROL, has a one-time token.
+def enrol_if_asked(
+    arguments: Mapping[str, Any], environment: Mapping[str, str] | None = None, *, check: Callable[[AgentConfig], object] = lambda _: None
+) -> None:
+    """Enrol when the command line, or TELEPRESENCE_ENROL, has a one-time token; everything else is checked before it is spent.
+
+    Args:
+        arguments: what `config.add_arguments` parsed.
+        environment: the process's own by default.
+        check: raises ConfigError when the agent could not start like this with the credentials that come.
 
     Raises:
-        ConfigError: as `enrol`, or no server is named.
+        ConfigError: as `enrol`, `config.load` and `check`, or no server is named.
     """
     environment = os.environ if environment is None else environment
     token = arguments.get("enrol") or environment.get(f"{ENVIRONMENT}ENROL")
@@ -40,7 +47,9 @@ def enrol_if_asked(arguments: Mapping[str, Any], environment: Mapping[str, str] 
     server = arguments.get("server") or environment.get(f"{ENVIRONMENT}SERVER")
     if not server:
         raise ConfigError("--enrol wants --server URL: the site where the token was made")
-    enrol(str(arguments["robot"]), str(server), str(token), credentials_path(arguments, environment), arguments.get("ca"))
+    config = load(arguments, environment, enrolling=True)
+    check(config)
+    enrol(config.robot, str(server), str(token), credentials_path(arguments, environment), config.ca)
 
 
 def enrol(robot: str, server: str, token: str, path: Path, ca: str | None = None) -> None:

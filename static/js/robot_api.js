@@ -348,6 +348,3 @@ export const decode = (suffix, payload) => {
     throw error;
   }
 };
-
-/** Every suffix that `decode` knows. */
-export const KNOWN_SUFFIXES = Object.keys(TO_PAGE);

@@ -39,7 +39,7 @@ SETTLE_SECONDS = 120.0
 
 
 class PlayFailed(Exception):  # noqa: N818 -- the command's word for it
-    """The sandbox did not come up or ended early; one sentence."""
+    """There is no such sandbox, it did not come up, or it ended early; one sentence."""
 
 
 @dataclass(frozen=True)
@@ -73,8 +73,11 @@ def play(study: Study, orders: Orders, folder: Path, told: Callable[[str], None]
     """Play a study in a sandbox and return what was found; `told` hears of each bot.
 
     Raises:
-        PlayFailed: the sandbox did not come up, or its process ended early.
+        PlayFailed: there cannot be such a sandbox, it did not come up, or its process ended early.
     """
+    wrong = sandbox.problems(study.as_definition())
+    if wrong:
+        raise PlayFailed(" ".join(wrong))
     sandbox.pack(study, folder)
     (folder / ORDERS).write_text(json.dumps(asdict(orders)), encoding="utf-8")
     pace = Pace(folder / PACE)

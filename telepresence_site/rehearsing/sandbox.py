@@ -20,6 +20,8 @@ from experiments.definition import Form, Questionnaire
 from experiments.definition import Study as Definition
 from experiments.models import Study
 from robots import credentials
+from robots.agent.config import ENVIRONMENT
+from robots.agent.simulator.profiles import MODELS
 from robots.agent.world.sites import shipped_sites
 from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan, Robot
@@ -59,8 +61,8 @@ def pack(row: Study, folder: Path) -> None:
 
 
 def environment(folder: Path, given: dict[str, str]) -> dict[str, str]:
-    """Return the environment of the sandbox's processes: nothing leads out of its folder."""
-    kept = {name: value for name, value in given.items() if name not in LEFT_BEHIND}
+    """Return the environment of the sandbox's processes: nothing leads out of its folder, nor is what a robot's agent is told here for its robots."""
+    kept = {name: value for name, value in given.items() if name not in LEFT_BEHIND and not name.startswith(ENVIRONMENT)}
     ours = {
         "VAR_DIR": str(folder), "HTTP_ONLY": "1", "PLAIN_STATIC": "1", "PYTHONUNBUFFERED": "1", "SIGNUP_OPEN": "1", "EMAIL_VERIFICATION": "none",
         "MQTT_URL": f"mqtt://{LOOPBACK}:{free_port()}", "ALLOWED_HOSTS": LOOPBACK, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1",
@@ -88,10 +90,17 @@ def _make_robots(definition: Definition) -> None:
         credentials.keep_credentials(kept, settings.CREDENTIALS_DIR / f"{name}.toml", mqtt_url=settings.MQTT_URL)
 
 
+def problems(definition: Definition) -> list[str]:
+    """Return why a study cannot be played in a sandbox, in sentences: it needs robots that nobody simulates."""
+    series = sorted({condition.robot for condition in definition.conditions} - set(MODELS))
+    return [f"There is no simulation of {name}: bots can rehearse with {' and '.join(sorted(MODELS))} alone." for name in series]
+
+
 def _robots(definition: Definition) -> dict[str, tuple[str, str]]:
+    """Return series and site of each robot by its name: the series, with a number where there are several (a site's name may be none for a robot)."""
     pairs = list(dict.fromkeys((condition.robot, condition.site) for condition in definition.conditions))
     series = [name for name, _site in pairs]
-    return {(name if series.count(name) == 1 else f"{name}-{site}"): (name, site) for name, site in pairs}
+    return {(name if series.count(name) == 1 else f"{name}-{number}"): (name, site) for number, (name, site) in enumerate(pairs, 1)}
 
 
 @contextmanager

@@ -1,7 +1,10 @@
 """Every setting and every command of ours stands in the reference."""
 
+import argparse
 import re
 from pathlib import Path
+
+from robots.agent.config import add_arguments
 
 ROOT = Path(__file__).resolve().parents[2]
 REFERENCE = ROOT / "docs" / "reference"
@@ -13,6 +16,21 @@ def test_every_environment_variable_that_the_settings_read_is_explained():
     assert len(read) > 20
     explained = set(re.findall(r"`([A-Z_]+)`", (REFERENCE / "settings.md").read_text()))
     assert read - explained - {"LAN", "RESET", "PORT"} == set()
+
+
+def test_every_environment_variable_that_tests_and_benchmarks_read_is_explained():
+    sources = [path for folder in ("tests", "benchmarks") for path in (ROOT / folder).rglob("*.py")]
+    read = {name for path in sources for name in re.findall(r'environ\.get\(\s*"([A-Z_]+)"', path.read_text())} - {"PYTEST_XDIST_WORKER"}
+    assert len(read) > 10
+    assert read - set(re.findall(r"`([A-Z_]+)`", (ROOT / "CONTRIBUTING.md").read_text())) == set()
+
+
+def test_every_option_of_the_agent_is_explained():
+    parser = argparse.ArgumentParser(add_help=False)
+    add_arguments(parser)
+    options = {option for action in parser._actions for option in action.option_strings}
+    explained = set(re.findall(r"--[a-z-]+", (ROOT / "docs/howto/connect-a-robot.md").read_text().partition("## What the robot must have")[0]))
+    assert options - explained == set()
 
 
 def test_every_command_is_explained():

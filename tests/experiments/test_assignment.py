@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiments.assignment import Cell, Held, balanced, cells, choose, condition_for, load, stage_at_end
+from experiments.assignment import Cell, Held, balanced, cells, choose, load, stage_at_end
 from experiments.definition import Refill
 from experiments.shipped import shipped
 from tests.support.studies import STUDY, small_study
@@ -142,8 +142,6 @@ def test_participants_who_do_every_condition_get_an_order_of_them():
     study = shipped()["assistance"]
     offered = cells(study)
     assert [cell.conditions for cell in offered] == [("alone", "assisted"), ("assisted", "alone")]
-    assert [condition_for(study, offered[1], n).key for n in (0, 1)] == ["assisted", "alone"]
-    assert condition_for(study, offered[1], 2) is None
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4])

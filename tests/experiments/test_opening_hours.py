@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.opening_hours import closes_at, is_open, opens_at, problems
+from experiments.opening_hours import is_open, opens_at, problems
 
 MADRID = "Europe/Madrid"
 OFFICE = [{"days": [0, 1, 2, 3, 4], "start": "09:00", "end": "17:00"}]
@@ -19,7 +19,6 @@ def at(text: str, zone: str = MADRID) -> datetime.datetime:
 def test_without_hours_a_study_is_always_open():
     assert is_open([], "UTC", at("2026-03-07 03:00"))
     assert opens_at([], "UTC", at("2026-03-07 03:00")) is None
-    assert closes_at([], "UTC", at("2026-03-07 03:00")) is None
 
 
 @pytest.mark.parametrize(
@@ -44,15 +43,8 @@ def test_a_closed_study_says_when_it_opens_next():
 def test_a_span_may_pass_midnight_and_fill_whole_days():
     assert is_open(NIGHT, MADRID, at("2026-03-07 01:59"))
     assert not is_open(NIGHT, MADRID, at("2026-03-07 02:00"))
-    assert closes_at(NIGHT, MADRID, at("2026-03-06 23:00")) == at("2026-03-07 02:00")
     always = [{"days": list(range(7)), "start": "00:00", "end": "00:00"}]
     assert is_open(always, MADRID, at("2026-03-29 02:30"))
-    assert closes_at(always, MADRID, at("2026-03-29 02:30")) is None
-
-
-def test_spans_that_touch_close_once():
-    both = [*OFFICE, {"days": [4], "start": "17:00", "end": "19:00"}]
-    assert closes_at(both, MADRID, at("2026-03-06 10:00")) == at("2026-03-06 19:00")
 
 
 def test_nine_o_clock_stays_nine_o_clock_when_the_clocks_change():
@@ -83,9 +75,6 @@ def test_a_study_is_open_when_it_says_it_opens_and_shut_until_then(hours, zone, 
         assert opens > now
         assert is_open(hours, zone, opens)
         assert not is_open(hours, zone, opens - datetime.timedelta(seconds=1))
-    closes = closes_at(hours, zone, now)
-    if closes is not None:
-        assert not is_open(hours, zone, closes)
 
 
 @pytest.mark.parametrize(

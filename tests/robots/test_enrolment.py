@@ -6,6 +6,7 @@ import json
 import stat
 import sys
 import tomllib
+from pathlib import Path
 
 import pytest
 from django.contrib.auth import get_user_model
@@ -14,11 +15,13 @@ from django.utils import timezone
 
 from accounts.models import AuditEntry
 from robots.agent import enrolment as agent_side
+from robots.agent.agent import agent_of
 from robots.agent.config import ConfigError, load
 from robots.agent.rendezvous import ServerAwayError
 from robots.broker.users import _robot_users
 from robots.credentials import GRACE, ask_for_renewal, make_credentials, revoke, robot_of, rotate, users_of
 from robots.enrolment import make_token, redeem
+from robots.management.commands import run_robot
 from robots.models import Enrolment, Robot
 
 pytestmark = pytest.mark.django_db
@@ -179,26 +182,66 @@ def server(client, monkeypatch):
 
 
 def test_an_agent_enrols_itself_and_starts_without_the_token_from_then_on(robot, server, tmp_path):
-    given = {"robot": "giraff", "server": server, "enrol": make_token(robot, timezone.now()), "var": tmp_path}
-    agent_side.enrol_if_asked(given, {})
+    given = {"robot": "giraff", "server": server, "adapter": "moos", "enrol": make_token(robot, timezone.now()), "var": tmp_path}
+    agent_of(given)
     file = tmp_path / "credentials" / "giraff.toml"
     if sys.platform != "win32":
         assert stat.S_IMODE(file.stat().st_mode) == 0o600
-    config = load({"robot": "giraff", "var": tmp_path}, {})
+    config = load({"robot": "giraff", "adapter": "moos", "var": tmp_path}, {})
     assert (config.server, config.user, config.credentials) == (server, "giraff", file)
     assert robot_of("giraff", config.token) == robot
     with pytest.raises(ConfigError, match="was used"):
-        agent_side.enrol_if_asked(given, {})
+        agent_of(given)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        ({"adapter": None}, "which robot is this"),
+        ({"adapter": "ADAPTER"}, "no adapter 'ADAPTER'"),
+        ({"profile": "PROFILE"}, "no robot profile 'PROFILE'"),
+        ({"option": ["hots=10.0.0.1"]}, "no option hots"),
+        ({"plan": "nowhere"}, "nowhere"),
+        ({"loudspeaker": "talk.mp4"}, "the loudspeaker"),
+        ({"viewers": "all"}, "--viewers"),
+    ],
+)
+def test_a_token_is_spent_only_by_an_agent_that_can_start_with_what_it_brings(robot, server, tmp_path, wrong, sentence):
+    token = make_token(robot, timezone.now())
+    given = {"robot": "giraff", "server": server, "adapter": "moos", "profile": "giraff", "enrol": token, "var": tmp_path}
+    with pytest.raises(ConfigError, match=sentence):
+        agent_of(given | wrong)
+    assert redeem("giraff", token, timezone.now()) is not None
+
+
+def test_while_it_enrols_an_agent_believes_the_certificates_that_its_environment_names(tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(agent_side, "_post", lambda _url, _content, _headers, ca: asked.append(ca) or {"robot": "giraff", "token": "t"})
+    environment = {"TELEPRESENCE_CA": "/ca.pem", "TELEPRESENCE_ADAPTER": "moos", "TELEPRESENCE_ENROL": "token"}
+    agent_side.enrol_if_asked({"robot": "giraff", "server": "https://site.example", "var": tmp_path}, environment)
+    assert asked == ["/ca.pem"]
+
+
+@pytest.mark.parametrize("said", ["command line", "environment", "nothing"])
+def test_manage_py_keeps_what_it_keeps_where_it_was_told_and_otherwise_where_the_site_does(said, settings, tmp_path, monkeypatch):
+    settings.VAR_DIR, told = tmp_path / "site", tmp_path / "told"
+    kept = []
+    monkeypatch.setattr(run_robot, "agent_of", lambda arguments: kept.append(Path(arguments["var"])))
+    monkeypatch.setattr(run_robot, "run_until_signalled", lambda _agent: None)
+    if said == "environment":
+        monkeypatch.setenv("TELEPRESENCE_VAR", str(told))
+    call_command("run_robot", "giraff", **({"var": told} if said == "command line" else {}))
+    assert kept == [settings.VAR_DIR if said == "nothing" else told]
 
 
 def test_an_agent_takes_new_credentials_and_leaves_the_rest_of_its_file_alone(robot, server, tmp_path):
     file = tmp_path / "giraff.toml"
     file.write_text(make_credentials(robot, timezone.now()).toml(server=server) + '# mine\n[options]\nuser = "camera"\n')
-    config = load({"robot": "giraff", "credentials": file, "var": tmp_path}, {})
+    config = load({"robot": "giraff", "credentials": file, "adapter": "moos", "var": tmp_path}, {})
     assert agent_side.renew(config) is None
     ask_for_renewal(robot, timezone.now())
     fresh = agent_side.renew(config)
-    again = load({"robot": "giraff", "credentials": file, "var": tmp_path}, {})
+    again = load({"robot": "giraff", "credentials": file, "adapter": "moos", "var": tmp_path}, {})
     assert (again.token, again.user, again.server) == (fresh["token"], fresh["user"], server)
     assert again.options == {"user": "camera"}
     assert "# mine" in file.read_text()
@@ -209,7 +252,7 @@ def test_an_agent_takes_new_credentials_and_leaves_the_rest_of_its_file_alone(ro
 def test_an_agent_whose_file_cannot_be_written_asks_for_nothing_that_it_would_lose(robot, server, tmp_path, monkeypatch):
     file = tmp_path / "giraff.toml"
     file.write_text(make_credentials(robot, timezone.now()).toml(server=server))
-    config = load({"robot": "giraff", "credentials": file, "var": tmp_path}, {})
+    config = load({"robot": "giraff", "credentials": file, "adapter": "moos", "var": tmp_path}, {})
     ask_for_renewal(robot, timezone.now())
     monkeypatch.setattr(agent_side.os, "access", lambda *_: False)
     assert agent_side.renew(config) is None
@@ -217,7 +260,7 @@ def test_an_agent_whose_file_cannot_be_written_asks_for_nothing_that_it_would_lo
 
 
 def test_an_agent_asks_until_it_has_new_credentials_whatever_the_server_says(robot, tmp_path, monkeypatch):
-    config = load({"robot": "giraff", "server": "https://site.example", "var": tmp_path}, {"TELEPRESENCE_TOKEN": "t"})
+    config = load({"robot": "giraff", "server": "https://site.example", "adapter": "moos", "var": tmp_path}, {"TELEPRESENCE_TOKEN": "t"})
     answers = [ServerAwayError("no network"), ConfigError("disk full"), None, {"robot": "giraff", "user": "giraff.1", "token": "new"}]
     told, pauses = [], []
 
@@ -261,11 +304,12 @@ def test_a_token_without_a_server_is_told(tmp_path):
 def test_the_command_prints_what_to_run_on_the_robot(robot):
     out = io.StringIO()
     call_command("enrol", "giraff", server="https://site.example/", stdout=out)
-    command, _, token = out.getvalue().strip().rpartition(" ")
-    assert command == "python manage.py run_robot giraff --server https://site.example --enrol"
+    command, _, token = out.getvalue().splitlines()[-1].rpartition(" ")
+    assert command == "python manage.py run_robot giraff --server https://site.example --adapter ADAPTER --profile PROFILE --enrol"
     assert redeem("giraff", token, timezone.now()) is not None
-    for wrong in (["nobody"], ["giraff", "--hours", "0"]):
-        with pytest.raises(CommandError):
+    server = ["--server", "https://site.example"]
+    for wrong, sentence in ((["nobody", *server], "nobody"), (["giraff", *server, "--hours", "0"], "--hours"), (["giraff"], "--server")):
+        with pytest.raises(CommandError, match=sentence):
             call_command("enrol", *wrong)
 
 

@@ -10,6 +10,7 @@ from django.core.management import CommandError, call_command
 from django.test import Client
 from django.utils import timezone
 
+from accounts.models import AuditEntry
 from robots.api import messages as m
 from robots.models import Robot
 from robots.screens import cookie_of, make_screen_key, revoke_screen_key, screen_of
@@ -115,7 +116,10 @@ def test_the_command_prints_an_address_that_opens(robot):
     assert address == "https://example.org/robots/giraff/screen/"
     assert screen_of("giraff", key) == robot
     with pytest.raises(CommandError, match="nobody"):
-        call_command("screen_link", "nobody")
+        call_command("screen_link", "nobody", server="https://example.org")
+    with pytest.raises(CommandError, match="--server"):
+        call_command("screen_link", "giraff")
+    assert AuditEntry.objects.get(act="screen_key_made").robot == "giraff"
 
 
 # --- the WebSocket ---------------------------------------------------------------------------------------------------

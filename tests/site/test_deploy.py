@@ -11,6 +11,7 @@ import pytest
 from django.conf import settings as site
 
 from robots.broker.mosquitto import Tls, configuration
+from telepresence_site.asgi_limits import MAX_BODY
 from telepresence_site.serving import APPLICATION, DAPHNE
 from tests.support.server import certificate, program
 
@@ -81,7 +82,10 @@ def test_systemd_takes_every_unit(tmp_path):
     assert (code, own) == (0, []), said
 
 
-@pytest.mark.parametrize("unit", [unit for unit in UNITS if unit.suffix == ".service" and "reload" not in unit.name], ids=lambda unit: unit.name)
+BY_ROOT = {"telepresence-mosquitto-reload.service", "telepresence-certificates@.service"}  # they tell other services something
+
+
+@pytest.mark.parametrize("unit", [unit for unit in UNITS if unit.suffix == ".service" and unit.name not in BY_ROOT], ids=lambda unit: unit.name)
 def test_every_process_is_begun_again_and_may_do_little(unit):
     text = unit.read_text()
     again = unit.with_suffix(".timer").exists() if "Type=oneshot" in text else re.search("^Restart=always$", text, re.MULTILINE)
@@ -108,6 +112,80 @@ def test_what_was_kept_long_enough_is_forgotten_once_a_day_also_by_a_computer_th
     assert days == [2, 3, 4], said
     assert re.search(r"^Persistent=true$", timer, re.MULTILINE)
     assert f"ExecStart={PYTHON} manage.py forget\n" in (DEPLOY / "systemd/telepresence-forget.service").read_text()
+
+
+@pytest.fixture
+def machine(tmp_path):
+    """A root folder with a certificate of Caddy's and the folders of who needs it; `told` is what systemctl was asked for since."""
+    for name in ("etc/mosquitto/certs", "etc/coturn/certs", "bin"):
+        (tmp_path / name).mkdir(parents=True)
+    caddys = tmp_path / "var/lib/caddy/.local/share/caddy/certificates/acme/robots.example.org"
+    caddys.mkdir(parents=True)
+    (tmp_path / "bin/systemctl").write_text(f'#!/bin/sh\necho "$@" >> {tmp_path}/told\n')
+    (tmp_path / "bin/systemctl").chmod(0o755)
+
+    class Machine:
+        def has_certificate(self, said):
+            for suffix in ("crt", "key"):
+                (caddys / f"robots.example.org.{suffix}").write_text(f"{said} {suffix}")
+
+        def copy(self, host="robots.example.org"):
+            environment = os.environ | {"ROOT": str(tmp_path), "PATH": f"{tmp_path}/bin:{os.environ['PATH']}"}
+            code, said = run("sh", DEPLOY / "copy_certificates.sh", host, env=environment)
+            told = (tmp_path / "told").read_text() if (tmp_path / "told").exists() else ""
+            (tmp_path / "told").unlink(missing_ok=True)
+            return code, said, told
+
+        def file(self, name):
+            return tmp_path / name
+
+    return Machine()
+
+
+def test_the_proxys_certificate_is_copied_when_it_is_new_to_those_that_are_there(machine):
+    machine.has_certificate("first")
+    code, said, told = machine.copy()
+    assert code == 0, said
+    assert told.splitlines() == ["try-reload-or-restart mosquitto", "is-active --quiet coturn", "kill --signal=SIGUSR2 coturn"]
+    for folder in ("mosquitto", "coturn"):
+        key = machine.file(f"etc/{folder}/certs/privkey.pem")
+        assert (key.read_text(), key.stat().st_mode & 0o777) == ("first key", 0o640)
+        assert machine.file(f"etc/{folder}/certs/fullchain.pem").read_text() == "first crt"
+    assert machine.copy() == (0, "", "")
+    machine.file("etc/telepresence/certs").mkdir(parents=True)
+    assert machine.copy()[2] == "try-restart telepresence-broker\n"
+    machine.has_certificate("second")
+    assert len(machine.copy()[2].splitlines()) == 4
+    assert machine.file("etc/mosquitto/certs/privkey.pem").read_text() == "second key"
+
+
+def test_before_the_proxy_has_a_certificate_nobody_is_told_anything(machine):
+    code, said, told = machine.copy()
+    assert (code, told) == (1, "")
+    assert "no certificate of robots.example.org yet" in said
+
+
+def test_certbots_certificate_is_copied_too(machine):
+    live = machine.file("etc/letsencrypt/live/robots.example.org")
+    live.mkdir(parents=True)
+    (live / "fullchain.pem").write_text("chain")
+    (live / "privkey.pem").write_text("key")
+    assert machine.copy()[0] == 0
+    assert machine.file("etc/mosquitto/certs/privkey.pem").read_text() == "key"
+
+
+def test_what_a_server_copies_lies_where_its_programs_look_for_it():
+    script = (DEPLOY / "copy_certificates.sh").read_text()
+    for file in ("mosquitto/telepresence.conf", "coturn/turnserver.conf", "systemd/telepresence-broker.service"):
+        folders = set(re.findall(r"(/etc/\S+)/(?:fullchain|privkey)\.pem", (DEPLOY / file).read_text()))
+        assert len(folders) == 1
+        assert f"put {folders.pop()}\n" in script
+
+
+def test_proxies_let_through_what_the_site_takes():
+    (caddy,) = re.findall(r"max_size (\d+)MiB", (DEPLOY / "proxy/Caddyfile").read_text())
+    (nginx,) = re.findall(r"client_max_body_size (\d+)m;", (DEPLOY / "proxy/nginx.conf").read_text())
+    assert int(caddy) * 1024 * 1024 == int(nginx) * 1024 * 1024 == MAX_BODY
 
 
 def test_the_web_unit_starts_daphne_as_the_demo_does():

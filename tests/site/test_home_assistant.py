@@ -97,6 +97,11 @@ def test_home_assistant_shows_a_robot_and_its_buttons_work(tmp_path):
                 "state": "sensor", "charge": "sensor", "waiting": "sensor", "driven": "binary_sensor", "charging": "binary_sensor",
                 "docked": "binary_sensor", "stop": "button", "estop": "button", "dock": "button",
             }  # fmt: skip
+            named = {name: part["default_entity_id"] for name, part in config["components"].items()}
+            assert (named["driven"], named["dock"]) == (
+                "binary_sensor.giraff_driven",
+                "button.giraff_dock",
+            )  # as the documentation's automation has it
             assert wait_for(lambda: json.loads(home.heard.get(config["state_topic"], "{}")), 10, "a state") == ROBOT
             wait_for(lambda: home.heard.get(config["availability_topic"]) == "online", 10, "availability")
             button = config["components"]["stop"]

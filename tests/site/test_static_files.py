@@ -20,9 +20,14 @@ def collected(tmp_path_factory) -> Path:
     environment = {name: value for name, value in os.environ.items() if name not in {"PLAIN_STATIC", "DEBUG", "DJANGO_SETTINGS_MODULE"}}
     subprocess.run(
         [sys.executable, "manage.py", "collectstatic", "--noinput", "-v", "0"],
-        cwd=ROOT, env={**environment, "VAR_DIR": str(var), "HTTP_ONLY": "1"}, check=True, timeout=120,
+        cwd=ROOT, env={**environment, "VAR_DIR": str(var), "HTTP_ONLY": "1"}, check=True, timeout=120, umask=0o027,
     )  # fmt: skip
     return var / "static"
+
+
+def test_the_proxy_which_is_another_user_may_read_what_was_collected_by_one_who_shares_nothing(collected):
+    shut = [path for path in collected.rglob("*") if not path.stat().st_mode & (0o005 if path.is_dir() else 0o004)]
+    assert [path for path in shut if path.suffix != ".gz"] == []  # these are for the site's own processes
 
 
 def test_every_module_imports_only_hashed_modules_so_that_none_loads_twice(collected):

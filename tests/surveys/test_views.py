@@ -5,7 +5,6 @@ import uuid
 import pytest
 from django.urls import reverse
 
-from surveys.access import answer_as
 from surveys.models import Response
 from surveys.questionnaires import current, store
 from surveys.responses import Context, Respondent, begin
@@ -200,23 +199,22 @@ def test_a_stranger_is_asked_to_log_in_and_learns_nothing(take, client):
     assert ada.save("a", "x").json()["error"].startswith("You are signed out")
 
 
-def test_an_anonymous_respondent_answers_in_the_browser_that_was_let_in(client, rf):
+def test_an_anonymous_response_is_on_no_page(client):
     row = begin(store(defined([item("text", "a")]), NOW), Respondent(key="anna"), Context(key="c"), language="en", seed=1, now=NOW)
-    request = rf.get("/")
-    request.session = client.session
-    answer_as(request, "anna")
-    request.session.save()
-    assert client.get(reverse("survey_page", args=[row.pk, 1])).status_code == 200
-    other = begin(row.questionnaire, Respondent(key="bert"), Context(key="c"), language="en", seed=1, now=NOW)
-    assert client.get(reverse("survey_page", args=[other.pk, 1])).status_code == 404
-    done = client.post(reverse("survey_page", args=[row.pk, 1]), {"shown": "a", "a": "x"}, follow=True)
-    assert "Thank you" in read(done).text
-    assert faults(read(done)) == []
+    address = reverse("survey_page", args=[row.pk, 1])
+    assert client.get(address).url == f"{reverse('account_login')}?next={address}"
+    client.force_login(person("anna"))
+    assert client.get(address).status_code == 404
 
 
 def test_the_thanks_come_only_after_the_answers(take):
     ada = take([item("text", "a")], context=Context(key="c"))
-    assert ada.client.get(reverse("survey_done", args=[ada.response.pk])).url == reverse("survey", args=[ada.response.pk])
+    thanks = reverse("survey_done", args=[ada.response.pk])
+    assert ada.client.get(thanks).url == reverse("survey", args=[ada.response.pk])
+    assert ada.send(1, "a", a="x").url == thanks
+    said = read(ada.client.get(thanks))
+    assert "Thank you" in said.text
+    assert faults(said) == []
 
 
 def test_answers_need_the_token_of_a_page_of_ours(take):

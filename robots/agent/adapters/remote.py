@@ -29,7 +29,6 @@ PERIOD = 0.08  # seconds after which a state is said again when the RCA has noth
 GLANCE = 0.05  # seconds between two looks after errands
 BRAKING_TIME = 2.0
 STANDSTILL = 0.01
-RUNS_BY_ITSELF = {"goto": Goto, "dock": Dock, "undock": Undock}
 
 log = logging.getLogger(__name__)
 

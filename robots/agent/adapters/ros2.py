@@ -28,7 +28,7 @@ try:
 
     from robots.agent.adapters.ros2_messages import TYPES, filled, plain
 except ImportError as error:
-    raise ImportError("it needs cyclonedds: pip install 'telepresence[ros2]', or cyclonedds alone") from error
+    raise ImportError("it needs cyclonedds: pip install 'cyclonedds>=0.10.5'") from error
 
 POLL = 0.01
 AT_ONCE = 20

@@ -22,7 +22,7 @@ try:
     from websockets.asyncio.client import ClientConnection, connect
     from websockets.exceptions import WebSocketException
 except ImportError as error:
-    raise ImportError("it needs websockets: pip install 'telepresence[rosbridge]', or websockets alone") from error
+    raise ImportError("it needs websockets: pip install 'websockets>=13'") from error
 
 ANSWER_TIME = 10.0
 CLOSING = 1.0

@@ -100,8 +100,3 @@ def reckoned(motion: Motion, separation: float, encoders: Encoders) -> Motion:
     left = (motion.linear - motion.angular * separation / 2.0) * encoders.left
     right = (motion.linear + motion.angular * separation / 2.0) * encoders.right
     return Motion((left + right) / 2.0, (right - left) / (separation * encoders.separation))
-
-
-def stopping_distance(speed: float, braking: float) -> float:
-    """Return the metres (or radians) from a brake to a stand."""
-    return speed * speed / (2.0 * braking)

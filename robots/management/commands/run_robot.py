@@ -1,5 +1,6 @@
 """`manage.py run_robot NAME`: the robot's agent. On the server's own machine it finds credentials and broker by itself."""
 
+import os
 from argparse import ArgumentParser
 from typing import Any
 
@@ -7,9 +8,8 @@ from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError
 
 from robots import log_ids
-from robots.agent.agent import Agent, run_until_signalled
-from robots.agent.config import ConfigError, add_arguments, load
-from robots.agent.enrolment import enrol_if_asked
+from robots.agent.agent import agent_of, run_until_signalled
+from robots.agent.config import ENVIRONMENT, ConfigError, add_arguments
 
 
 class Command(BaseCommand):
@@ -23,9 +23,8 @@ class Command(BaseCommand):
 
     def handle(self, *_args: Any, **options: Any) -> None:
         log_ids.of_process(robot=options["robot"])
-        here = {} if options["var"] else {"var": settings.VAR_DIR}
+        var = options["var"] or os.environ.get(f"{ENVIRONMENT}VAR") or settings.VAR_DIR
         try:
-            enrol_if_asked({**options, **here})
-            run_until_signalled(Agent(load({**options, **here})))
+            run_until_signalled(agent_of({**options, "var": var}))
         except ConfigError as error:
             raise CommandError(str(error)) from error

@@ -6,6 +6,7 @@ from typing import Any
 from django.core.management.base import BaseCommand, CommandError
 from django.utils import timezone
 
+from accounts import audit
 from robots.models import Robot
 from robots.screens import make_screen_key, screen_address
 
@@ -17,10 +18,12 @@ class Command(BaseCommand):
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("robot", help="the robot's name")
-        parser.add_argument("--server", default="http://127.0.0.1:8000", help="the site's address (default: %(default)s)")
+        parser.add_argument("--server", metavar="URL", required=True, help="the site's address, as the display reaches it")
 
     def handle(self, *_args: Any, **options: Any) -> None:
         robot = Robot.objects.filter(name=options["robot"]).first()
         if robot is None:
             raise CommandError(f"There is no robot called {options['robot']}.")
-        self.stdout.write(screen_address(robot, make_screen_key(robot, timezone.now()), options["server"].rstrip("/")))
+        key = make_screen_key(robot, timezone.now())
+        audit.note("screen_key_made", robot=robot)
+        self.stdout.write(screen_address(robot, key, options["server"].rstrip("/")))

@@ -15,6 +15,7 @@ from experiments.definition import Study as Definition
 from experiments.models import Study
 from experiments.problems import problems
 from experiments.rehearsal import ConditionReport, Report
+from telepresence_site.rehearsing import sandbox
 from telepresence_site.rehearsing.play import Orders, PlayFailed, play
 from telepresence_site.rehearsing.room import sandbox_folder
 
@@ -36,7 +37,7 @@ class Command(BaseCommand):
     def handle(self, *_args: Any, **options: Any) -> None:
         study = named_draft(options["study"])
         rehearsal = rehearsed.begin(study, timezone.now())
-        wrong = list(problems(study.as_definition()))
+        wrong = [*problems(study.as_definition()), *sandbox.problems(study.as_definition())]
         if wrong:
             rehearsed.keep(rehearsal, None, " ".join(wrong))
             raise CommandError("\n".join(["It cannot be played as it is:", *wrong]))

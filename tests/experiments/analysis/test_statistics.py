@@ -14,8 +14,6 @@ from experiments.analysis.statistics import (
     correlation,
     holm,
     paired,
-    participants_needed,
-    power_of,
     several_between,
     several_within,
     shares,
@@ -24,6 +22,7 @@ from experiments.analysis.statistics import (
     wilson,
     within,
 )
+from experiments.power import participants_needed
 
 RUNS = 1000
 
@@ -141,18 +140,6 @@ def test_a_share_has_wilsons_bounds():
     assert wilson(5, 5) == pytest.approx((0.5655, 1.0), abs=1e-4)
 
 
-@pytest.mark.parametrize(("effect", "paired_design", "expected"), [(0.5, False, 64), (0.8, False, 26), (0.2, False, 394), (0.5, True, 34)])
-def test_the_participants_that_an_effect_needs_are_those_of_cohens_tables(effect, paired_design, expected):
-    assert participants_needed(effect, paired_design=paired_design) == expected
-    assert power_of(effect, expected, paired_design=paired_design) >= 0.8
-
-
-@pytest.mark.parametrize("effect", [0.0, math.nan])
-def test_no_effect_needs_no_number_of_participants(effect):
-    with pytest.raises(ValueError):
-        participants_needed(effect)
-
-
 @pytest.mark.parametrize(("name", "sizes", "draws"), [("welch", (32, 32), 1), ("welch", (20, 44), 2), ("paired", (24, 24), 3)])
 def test_a_planted_null_is_significant_in_3_to_7_of_100_studies(name, sizes, draws):
     rng = np.random.default_rng(1000 + draws)
@@ -165,7 +152,7 @@ def test_a_planted_null_is_significant_in_3_to_7_of_100_studies(name, sizes, dra
 
 def test_a_planted_effect_is_found_as_often_as_its_power_says():
     rng = np.random.default_rng(11)
-    n = participants_needed(0.6)
+    n = participants_needed(0.6, "between").per_group
     _, p = welch(rng.normal(0.6, 1.0, (RUNS, n)), rng.normal(0.0, 1.0, (RUNS, n)))
     assert 0.76 <= float((p < 0.05).mean()) <= 0.84
 

@@ -22,14 +22,14 @@ def told(*arguments, environment=None):
 @pytest.fixture
 def credentials(tmp_path):
     file = tmp_path / "giraff.toml"
-    file.write_text('robot = "giraff"\ntoken = "from-file"\nserver = "https://file.example"\nviewers = 3\n[options]\nseed = 7\n')
+    file.write_text('robot = "giraff"\ntoken = "from-file"\nserver = "https://file.example"\nviewers = 3\nadapter = "moos"\n[options]\nseed = 7\n')
     return file
 
 
 def test_a_credentials_file_says_everything(credentials):
     config = told("giraff", "--credentials", str(credentials))
     assert (config.server, config.mqtt_url, config.token, config.viewers) == ("https://file.example", None, "from-file", 3)
-    assert (config.adapter, config.profile, config.options) == ("simulator", "giraff", {"seed": 7})
+    assert (config.adapter, config.profile, config.options) == ("moos", "giraff", {"seed": 7})
 
 
 def test_the_command_line_overrules_the_environment_and_that_the_file(credentials):
@@ -46,12 +46,23 @@ def test_on_the_servers_own_machine_the_name_is_enough(tmp_path):
     (tmp_path / "credentials" / "giraff.toml").write_text('robot = "giraff"\ntoken = "t"\nmqtt_url = "mqtt://127.0.0.1:1883"\n')
     config = told("giraff", "--var", str(tmp_path))
     assert (config.mqtt_url, config.server, config.token) == ("mqtt://127.0.0.1:1883", None, "t")
+    assert (config.adapter, config.profile) == ("simulator", "giraff")
+
+
+def test_an_agent_that_reaches_its_site_from_elsewhere_says_what_it_drives(tmp_path):
+    file = tmp_path / "giraff.toml"
+    file.write_text('token = "t"\nserver = "https://file.example"\n')
+    for where in (["--credentials", str(file)], ["--credentials", str(file), "--server", "https://line.example"]):
+        with pytest.raises(ConfigError, match="which robot is this"):
+            told("giraff", *where)
+        assert told("giraff", *where, "--adapter", "ros1").adapter == "ros1"
+        assert told("giraff", *where, environment={"TELEPRESENCE_ADAPTER": "moos"}).adapter == "moos"
 
 
 def test_a_server_on_the_command_line_overrules_a_broker_in_the_file(tmp_path):
     file = tmp_path / "c.toml"
     file.write_text('token = "t"\nmqtt_url = "mqtt://old.example"\n')
-    config = told("giraff", "--server", "https://new.example", "--credentials", str(file))
+    config = told("giraff", "--server", "https://new.example", "--credentials", str(file), "--adapter", "simulator")
     assert (config.server, config.mqtt_url) == ("https://new.example", None)
 
 
@@ -113,7 +124,7 @@ GOOD = (200, {"robot": "giraff", "mqttUrl": "mqtt://broker.example:1883", "iceSe
 
 
 def ask(server, *, give_up_after=10):
-    config = told("giraff", "--server", server.url, environment={"TELEPRESENCE_TOKEN": "secret"})
+    config = told("giraff", "--server", server.url, "--adapter", "simulator", environment={"TELEPRESENCE_TOKEN": "secret"})
     waits = []
 
     def pause(seconds):

@@ -32,7 +32,7 @@ async def test_new_credentials_are_shown_from_the_next_connection_on():
 
 
 async def test_an_agent_that_got_new_credentials_shows_them_to_the_broker_now_and_after_a_restart(tmp_path):
-    agent = Agent(load({"robot": "giraff", "server": "https://site.example", "var": tmp_path}, {"TELEPRESENCE_TOKEN": "old"}))
+    agent = Agent(load({"robot": "giraff", "server": "https://site.example", "adapter": "simulator", "var": tmp_path}, {"TELEPRESENCE_TOKEN": "old"}))
     assert agent._endpoint("mqtt://127.0.0.1:1").username == "giraff"
     agent._link = link(username="giraff", password="old")
     agent._renewed({"robot": "giraff", "user": "giraff.1", "token": "new"})
