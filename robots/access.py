@@ -94,6 +94,14 @@ def may_observe(user: Any, robot: Robot) -> Verdict:
     return _is_admitted(user, robot) if robot.observers_allowed else _no("not_allowed")
 
 
+def has_a_robot(user: Any) -> bool:
+    """Tell whether there is any robot for a user: one that is shown to them, or that they may drive as somebody's guest."""
+    if not _is_known(user):
+        return False
+    by_invitation = Robot.objects.filter(enabled=True, access=Robot.Access.INVITATION)
+    return robots_visible_to(user).filter(enabled=True).exists() or any(may_drive(user, robot) for robot in by_invitation)
+
+
 def robots_visible_to(user: Any) -> "QuerySet[Robot]":
     """Return the robots to show a user: the enabled ones that are open or that the user has a permit for, and one's own.
 

@@ -215,6 +215,8 @@ class Room:
             passes = self._allowance.velocity(now)
         elif isinstance(message, Stop | EStop):
             passes = self._allowance.stop(now)
+        elif isinstance(message, wire.PageEvent | wire.PageNetwork):
+            passes = self._allowance.report(now)
         else:
             passes = self._allowance.other(now) and (not isinstance(message, Photo) or self._allowance.photo(now))
         if not passes:
@@ -272,7 +274,10 @@ class Room:
         if self.session is None:
             raise Refused("no_session")
         assert suffix in {"page/event", "page/network"}
-        return wire.PageReport(suffix=suffix, session=self.session, message=msgspec.Raw(codec.encode(message)))  # type: ignore[arg-type]
+        encoded = codec.encode(message)
+        if len(encoded) > wire.MAX_REPORT:
+            raise Refused("oversized")
+        return wire.PageReport(suffix=suffix, session=self.session, message=msgspec.Raw(encoded))  # type: ignore[arg-type]
 
     def parting_stop(self, action_id: str, stamp: float, lease: Lease | None, now: float) -> Stop | None:
         """Return the stop to send when the page's socket has closed while it drove over it; None when it did not.

@@ -24,7 +24,7 @@ from accounts.attempts import Attempts
 from accounts.models import User
 from accounts.rate_limits import limited
 from robots import mqtt_bridge
-from robots.access import may_drive, may_observe, robots_visible_to
+from robots.access import has_a_robot, may_drive, may_observe, robots_visible_to
 from robots.api.messages import IceServer
 from robots.cards import picture_of
 from robots.ice import ice_servers
@@ -88,8 +88,8 @@ def page_config(robot: Robot, user: Any) -> dict[str, Any]:
 @never_cache
 @require_safe
 def check(request: HttpRequest) -> HttpResponse:
-    """Show what browser and network can do. A detour's servers are for those who have signed in, who alone may use them."""
-    servers = ice_servers(str(request.user.pk), time.time()) if request.user.is_authenticated else ()
+    """Show what browser and network can do. A detour's servers are for those for whom there is a robot, who alone may use them."""
+    servers = ice_servers(str(request.user.pk), time.time()) if has_a_robot(request.user) else ()
     asked = servers or tuple(IceServer(urls=tuple(settings.STUN_URLS)) for _ in settings.STUN_URLS[:1])
     config = {"socket": "/" + wire.CHECK_PATH, "iceServers": [msgspec.to_builtins(server) for server in asked]}
     return render(request, "sessions/check.html", {"config": config})

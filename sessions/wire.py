@@ -38,6 +38,7 @@ PATH = "ws/robots/<slug:robot>/"
 CHECK_PATH = "ws/check/"
 SCREEN_PATH = "ws/robots/<slug:robot>/screen/"
 MAX_FRAME = 64 * 1024
+MAX_REPORT = 1024  # bytes of JSON: what a page says for the record is kept for long, and the longest that ours says has some 300
 
 # Why the server closes a WebSocket, as the page's CloseEvent.code tells it.
 SIGNED_OUT, NOT_ALLOWED, NO_SUCH_ROBOT, FLOODED, TOO_SLOW, REPLACED = 4401, 4403, 4404, 4008, 4009, 4010
@@ -77,12 +78,15 @@ class Assist(Message, frozen=True, kw_only=True):
     level: AssistLevel
 
 
+Detail = Annotated[str, Meta(max_length=200)]
+
+
 class PageEvent(Message, frozen=True, kw_only=True):
     """`page/event`: something on the page that belongs into the record, such as a controller chosen or a tab hidden."""
 
     stamp: Stamp
     type: Id
-    data: Annotated[dict[Name, str | float | bool | None], Meta(max_length=16)] = {}
+    data: Annotated[dict[Name, Detail | float | bool | None], Meta(max_length=16)] = {}
 
 
 HERE = "here"  # the type of a page event that is a sign of the visitor, who types, presses or looks around without driving

@@ -69,16 +69,19 @@ async def _refuse(send: Any) -> None:
 class SameOrigin:
     """ASGI middleware for WebSockets: the page that opens one comes from this very host and port, or from a trusted origin.
 
-    Stricter than the host alone: a browser sends our cookies also to whatever else listens on another port of the same host.
+    Stricter than the host alone: a browser sends our cookies also to whatever else listens on another port of the same host. With
+    `secure_only` the page came by HTTPS: anybody on the network between can make one up that came by plain http. It is the page's own word
+    that counts, which a proxy that speaks TLS for us passes on, and not how the socket arrives here.
     """
 
-    def __init__(self, application: Application, trusted: list[str]) -> None:
-        self._application, self._trusted = application, {origin.lower().rstrip("/") for origin in trusted}
+    def __init__(self, application: Application, trusted: list[str], *, secure_only: bool = False) -> None:
+        self._application, self._trusted, self._secure_only = application, {origin.lower().rstrip("/") for origin in trusted}, secure_only
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
         """Go on, or close before anything is said."""
         origin, host = _header(scope, b"origin").lower().rstrip("/"), _header(scope, b"host").lower()
-        if is_same(origin, host) or origin in self._trusted:
+        is_ours = is_same(origin, host) and (not self._secure_only or origin.startswith("https://"))
+        if is_ours or origin in self._trusted:
             await self._application(scope, receive, send)
         else:
             await send({"type": "websocket.close", "code": 1000})
@@ -96,8 +99,7 @@ class ConnectLimit:
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
         """Go on, or close before anything is said."""
-        address = visitor_address(_header(scope, b"x-forwarded-for"), (scope.get("client") or ("",))[0], self._proxies)
-        if self._bucket(address).spend(self._now()):
+        if self._bucket(address_of(scope, self._proxies)).spend(self._now()):
             await self._application(scope, receive, send)
         else:
             log.warning("sockets_refused reason=rate")
@@ -109,6 +111,47 @@ class ConnectLimit:
         if len(self._buckets) > ADDRESSES:
             self._buckets.popitem(last=False)
         return bucket
+
+
+class OpenLimit:
+    """ASGI middleware for WebSockets: each has so many open at a time in this process, an address, a user, or whomever `who` names.
+
+    Of whom it names by the empty string nothing is known, and nothing counted. A page that is refused tries again by itself, later.
+    """
+
+    def __init__(self, application: Application, limit: int, who: Callable[[dict[str, Any]], str]) -> None:
+        self._application, self._limit, self._who = application, limit, who
+        self._open: collections.Counter[str] = collections.Counter()
+
+    async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
+        """Go on, or close before anything is said."""
+        who = self._who(scope)
+        if not who:
+            await self._application(scope, receive, send)
+        elif self._open[who] < self._limit:
+            await self._counted(who, scope, receive, send)
+        else:
+            log.warning("sockets_refused reason=open")
+            await send({"type": "websocket.close", "code": 1013})
+
+    async def _counted(self, who: str, scope: dict[str, Any], receive: Any, send: Any) -> None:
+        self._open[who] += 1
+        try:
+            await self._application(scope, receive, send)
+        finally:
+            self._open[who] -= 1
+            if not self._open[who]:
+                del self._open[who]
+
+
+def address_of(scope: dict[str, Any], trusted_proxies: list[str]) -> str:
+    """Return where whoever opened a socket is, as our proxies tell it; the empty string when nobody does."""
+    return visitor_address(_header(scope, b"x-forwarded-for"), (scope.get("client") or ("",))[0], trusted_proxies)
+
+
+def user_of(scope: dict[str, Any]) -> str:
+    """Return the key of whoever opened a socket, the empty string for somebody who has not signed in."""
+    return str(scope["user"].pk) if scope["user"].is_authenticated else ""
 
 
 def is_same(origin: str, host: str) -> bool:

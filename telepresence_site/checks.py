@@ -61,8 +61,9 @@ def check_mail(**_: Any) -> list[CheckMessage]:
 
 
 def check_numbers(**_: Any) -> list[CheckMessage]:
-    """Times are positive (E005), and how long a driver may do nothing is at least not negative."""
-    values = {name: getattr(settings, name) for name in ("TURN_MINUTES", "START_SECONDS", "GRACE_SECONDS")}
+    """Times and bounds are positive (E005), and how long a driver may do nothing is at least not negative."""
+    names = ("TURN_MINUTES", "START_SECONDS", "GRACE_SECONDS", "SOCKETS_PER_ADDRESS", "SOCKETS_PER_USER")
+    values = {name: getattr(settings, name) for name in names}
     wrong = [Error(f"{name} must be positive, not {value}.", id="telepresence.E005") for name, value in values.items() if not value > 0]
     if not settings.IDLE_SECONDS >= 0:
         wrong.append(Error(f"IDLE_SECONDS must be positive, or 0 for never, not {settings.IDLE_SECONDS}.", id="telepresence.E005"))
@@ -115,6 +116,14 @@ def check_cache(**_: Any) -> list[CheckMessage]:
     return [Warning("Every web process counts attempts by itself.", hint="Set REDIS_URL when there is more than one.", id="telepresence.W005")]
 
 
+def check_visitors_addresses(**_: Any) -> list[CheckMessage]:
+    """On a server visitors are told apart by their addresses, also behind a proxy (W008)."""
+    if not settings.SECURE_PROXY_SSL_HEADER or settings.TRUSTED_PROXIES:
+        return []
+    hint = "Name the proxy's address: without it all visitors have the proxy's own, and share what one address may do."
+    return [Warning("BEHIND_TLS_PROXY is set and TRUSTED_PROXIES is not.", hint=hint, id="telepresence.W008")]
+
+
 def check_demo(**_: Any) -> list[CheckMessage]:
     """On a server nobody signs in by the demo's link (W006)."""
     if not getattr(settings, "DEMO_TOKEN", ""):
@@ -126,7 +135,7 @@ ALWAYS: dict[str, tuple[Callable[..., list[CheckMessage]], ...]] = {
     "telepresence": (check_ice, check_mail, check_metrics, check_numbers, check_proxies),
     Tags.security: (check_mqtt, check_plain_http),
 }
-ON_A_SERVER = (check_secret_key, check_cache, check_demo)
+ON_A_SERVER = (check_secret_key, check_cache, check_visitors_addresses, check_demo)
 
 
 def register_all() -> None:

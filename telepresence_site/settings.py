@@ -162,6 +162,9 @@ PRACTICE_MINUTES = float(env.text("PRACTICE_MINUTES", "3"))
 LEASE_TTL_SECONDS = 10.0
 LEASE_RENEWAL_SECONDS = 2.0
 TRUSTED_PROXIES = env.words("TRUSTED_PROXIES")
+# Open WebSockets, in each web process.
+SOCKETS_PER_ADDRESS = int(env.text("SOCKETS_PER_ADDRESS", "200"))
+SOCKETS_PER_USER = int(env.text("SOCKETS_PER_USER", "20"))
 # Set by `manage.py demo` alone, anew at each start: the secret part of its one-click link.
 DEMO_TOKEN = env.text("DEMO_TOKEN")
 

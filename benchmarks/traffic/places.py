@@ -207,7 +207,7 @@ def running_place(kind: str, directory: Path) -> Iterator[Place]:
     """Run a place: `demo`, or `server-N` with N web processes; everything is ended afterwards."""
     with contextlib.ExitStack() as stack:
         outside: dict[str, Redis | Database] = {}
-        settings = {"LOG_LEVEL": "WARNING"}
+        settings = {"LOG_LEVEL": "WARNING", "SOCKETS_PER_ADDRESS": "10000"}  # all visitors come from this computer
         if kind != "demo":
             database, redis = Database(stack.enter_context(running_postgres())), Redis(directory)
             redis.start()

@@ -8,6 +8,7 @@ import asyncio
 import logging
 import ssl
 import time
+from collections import Counter
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -26,6 +27,8 @@ SWEEP_SECONDS = 0.5
 REFRESH_SECONDS = 0.5  # least time between two extra looks at the database
 SEND_BUFFER = 1024 * 1024
 MAX_CONNECTIONS = 2_000
+MAX_STRANGERS = 50  # connections from one address that have not yet said who they are, so that it cannot take every place
+CONNECT_BYTES = 64 * 1024  # of a packet before its sender is let in; a CONNECT of ours has less than two KiB
 KEEP_ALIVE_FACTOR = 1.5  # MQTT 3.1.1, section 3.1.2.10
 
 Authenticate = Callable[[Connect, str], Awaitable[BrokerUser | None]]
@@ -34,14 +37,16 @@ Authenticate = Callable[[Connect, str], Awaitable[BrokerUser | None]]
 class _Connection(asyncio.Protocol):
     """One client. Before its CONNECT was accepted `session` is None and nothing but the CONNECT counts."""
 
-    def __init__(self, hub: Hub, authenticate: Authenticate, connections: "set[_Connection]") -> None:
-        self.hub, self.authenticate, self.connections = hub, authenticate, connections
+    def __init__(self, hub: Hub, authenticate: Authenticate, connections: "set[_Connection]", strangers: Counter[str]) -> None:
+        self.hub, self.authenticate, self.connections, self.strangers = hub, authenticate, connections, strangers
+        self.address = "?"
+        self.is_stranger = False
         self.session: Session | None = None
         self.is_ready = True
         self.keep_alive = 0.0
         self.began = self.heard = time.monotonic()
         self.closing_since: float | None = None
-        self._reader = packets.PacketReader(MAX_PACKET)
+        self._reader = packets.PacketReader(CONNECT_BYTES)
         self._early: list[Packet] = []  # what came in one piece with the CONNECT
         self._check: asyncio.Task[None] | None = None
 
@@ -50,18 +55,34 @@ class _Connection(asyncio.Protocol):
     def connection_made(self, transport: Any) -> None:
         self.transport: asyncio.Transport = transport
         transport.set_write_buffer_limits(high=SEND_BUFFER)
+        peer = transport.get_extra_info("peername")  # with TLS nobody knows it any more when the connection is lost
+        self.address = str(peer[0]) if peer else "?"
         if len(self.connections) >= MAX_CONNECTIONS:
             logger.error("broker_connections_full")
             transport.abort()
             return
+        if self.strangers[self.address] >= MAX_STRANGERS:
+            logger.warning("broker_strangers_refused address=%s", self.address)
+            transport.abort()
+            return
+        self.is_stranger = True
+        self.strangers[self.address] += 1
         self.connections.add(self)
 
     def connection_lost(self, _error: Exception | None) -> None:
         self.connections.discard(self)
+        self._no_longer_strange()
         if self._check is not None:
             self._check.cancel()
         if self.session is not None:
             self.hub.leave(self.session, self, graceful=False, now=time.monotonic())
+
+    def _no_longer_strange(self) -> None:
+        if self.is_stranger:
+            self.is_stranger = False
+            self.strangers[self.address] -= 1
+            if not self.strangers[self.address]:
+                del self.strangers[self.address]
 
     def pause_writing(self) -> None:
         self.is_ready = False
@@ -97,11 +118,6 @@ class _Connection(asyncio.Protocol):
     # --- packets ------------------------------------------------------------------------------------------------------
 
     @property
-    def address(self) -> str:
-        peer = self.transport.get_extra_info("peername")
-        return str(peer[0]) if peer else "?"
-
-    @property
     def user(self) -> str:
         return self.session.user.name if self.session is not None else "?"
 
@@ -125,6 +141,8 @@ class _Connection(asyncio.Protocol):
         if self.session is None:
             self._send_away(code)
             return
+        self._no_longer_strange()
+        self._reader.limit = MAX_PACKET
         self.keep_alive = connect.keep_alive * KEEP_ALIVE_FACTOR
         self.heard = time.monotonic()
         logger.info("broker_connected user=%s client=%.80r address=%s", user.name, connect.client_id, self.address)
@@ -212,6 +230,7 @@ class EmbeddedBroker:
         self._reading = asyncio.Lock()
         self._verifier = Verifier()
         self._connections: set[_Connection] = set()
+        self._strangers: Counter[str] = Counter()
         self._server: asyncio.Server | None = None
         self._tasks: list[asyncio.Task[None]] = []
 
@@ -225,7 +244,7 @@ class EmbeddedBroker:
         self._take_users(await self._read_users())
         loop = asyncio.get_running_loop()
         self._server = await loop.create_server(
-            lambda: _Connection(self.hub, self._authenticate, self._connections), host, port, ssl=tls, reuse_address=True
+            lambda: _Connection(self.hub, self._authenticate, self._connections, self._strangers), host, port, ssl=tls, reuse_address=True
         )
         self._tasks = [loop.create_task(self._sweep()), loop.create_task(self._follow_users())]
         return int(self._server.sockets[0].getsockname()[1])

@@ -4,7 +4,8 @@ A connection hands over what it read (connect, publish, subscribe, …) and is t
 (OASIS MQTT 3.1.1): QoS 0 and 1 outwards and the lesser of a message's and a subscription's; QoS 2 inwards, delivered once; retained
 messages; wills; persistent sessions, which live as long as this process; a second connection of the same client takes over.
 Beyond the standard: a session belongs to its user as well as to its client id, so that nobody can take another one's over; nobody
-publishes or subscribes, nor leaves a will, past their permissions; everything that could grow has a bound.
+publishes or subscribes, nor leaves a will, past their permissions; retained is what the topic table says is; everything that could grow has a
+bound.
 """
 
 import logging
@@ -14,6 +15,7 @@ from typing import Protocol
 
 from msgspec.structs import replace
 
+from robots.api.topics import is_kept
 from robots.broker import packets
 from robots.broker.filters import is_filter, matches
 from robots.broker.packets import Connect, Publish, Subscribe
@@ -199,7 +201,7 @@ class Hub:
         if not session.may_publish(message.topic):
             logger.warning("broker_publish_refused user=%s topic=%.200r", session.user.name, message.topic)
             return
-        if message.retain:
+        if message.retain and is_kept(message.topic):  # else one robot, which may write to as many topics as it likes, fills the store
             self._retain(message)
         at_most_once = b""
         for target, granted in self._route(message.topic):

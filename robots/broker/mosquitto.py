@@ -3,8 +3,9 @@
 The files lie in a directory of ours. When the database says something new they are written again and Mosquitto is told by SIGHUP,
 upon which it disconnects whoever is no longer welcome. It dies with us, also when we are killed (Linux: PR_SET_PDEATHSIG).
 
-Two differences from the embedded broker are Mosquitto's own (2.0): it hangs up on a client that publishes with QoS 1 what it may not,
-and whoever knows a client id takes its session over, also another user. Client ids are therefore random, or made from a secret.
+Three differences from the embedded broker are Mosquitto's own (2.0): it hangs up on a client that publishes with QoS 1 what it may not;
+whoever knows a client id takes its session over, also another user, so client ids are random, or made from a secret; and it retains on every
+topic that a robot may write to, not only where the topic table says so.
 """
 
 import asyncio

@@ -92,10 +92,10 @@ Packet = Connect | Publish | Acknowledgement | Subscribe | Unsubscribe | PingReq
 
 
 class PacketReader:
-    """Collects bytes until they make packets of at most `limit` bytes each."""
+    """Collects bytes until they make packets of at most `limit` bytes each, which may change."""
 
     def __init__(self, limit: int) -> None:
-        self._limit = limit
+        self.limit = limit
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> Iterator[Packet]:
@@ -120,7 +120,7 @@ class PacketReader:
             byte = self._buffer[index]
             length |= (byte & 0x7F) << (7 * (index - 1))
             if not byte & _MORE:
-                if length + index + 1 > self._limit:
+                if length + index + 1 > self.limit:
                     raise ProtocolError(f"packet of {length} bytes")
                 return index + 1, index + 1 + length
         if len(self._buffer) > _LONGEST_LENGTH:

@@ -97,6 +97,7 @@ class Demo:
             "HTTP_ONLY": "" if self.options.lan else "1",
             "HSTS_SECONDS": "0",  # a self-made certificate must not be remembered
             "ALLOWED_HOSTS": ",".join([LOOPBACK, "localhost", *self.hosts]),
+            "SOCKETS_PER_USER": str(settings.SOCKETS_PER_ADDRESS),  # whoever opens the link is the same visitor
             "PRACTICE_ROBOTS": str(settings.PRACTICE_ROBOTS or 1),
             "PYTHONUNBUFFERED": "1",
         }

@@ -4,7 +4,8 @@ import pytest
 from django.contrib.auth import get_user_model
 from django.contrib.auth.models import AnonymousUser, Permission
 
-from robots.access import may_drive, may_manage, may_observe, may_operate, robots_visible_to
+from robots import access
+from robots.access import has_a_robot, may_drive, may_manage, may_observe, may_operate, robots_visible_to
 from robots.models import Robot, RobotPermit
 from sessions.wire import Refused
 
@@ -130,3 +131,20 @@ def test_an_operator_manages_nothing():
     permit(operator, one, Kind.OPERATOR)
     assert may_operate(operator, one)
     assert not may_manage(operator, one)
+
+
+def test_there_is_a_robot_for_whom_one_is_shown_to_and_for_a_guest(monkeypatch):
+    visitor, owner = person("visitor"), person("owner")
+    closed = robot(access=Access.INVITATION, owner=owner)
+    assert [has_a_robot(user) for user in (visitor, owner, None, AnonymousUser())] == [False, True, False, False]
+    monkeypatch.setattr(access, "_guest_lists", [lambda user, robot: (user, robot) == (visitor, closed)])
+    assert has_a_robot(visitor)
+    Robot.objects.update(enabled=False)
+    assert not has_a_robot(visitor)
+    assert not has_a_robot(owner)
+
+
+def test_an_open_robot_is_for_everybody_who_has_signed_in():
+    robot()
+    assert has_a_robot(person("visitor"))
+    assert not has_a_robot(AnonymousUser())

@@ -8,8 +8,11 @@ from channels.testing import WebsocketCommunicator
 from django.contrib.auth.models import AnonymousUser
 
 from accounts.models import User
+from robots.models import Robot, RobotPermit
 from sessions import wire
 from sessions.check_consumer import LONGEST, MOST_ECHOES, CheckConsumer
+from telepresence_site import asgi
+from tests.support.pages import ORIGIN
 from tests.support.patience import patient
 
 pytestmark = pytest.mark.django_db  # a consumer looks after the connections of its thread, whoever opened them
@@ -19,10 +22,13 @@ def servers_on(page) -> list[dict]:
     return json.loads(re.search(r'id="config"[^>]*>(.*?)</script>', page.content.decode())[1])["iceServers"]
 
 
-def test_anybody_may_check_but_only_who_is_signed_in_may_use_the_detour(client, settings):
+def test_anybody_may_check_but_only_for_whom_there_is_a_robot_may_use_the_detour(client, settings):
     settings.STUN_URLS, settings.TURN_URLS, settings.TURN_SECRET = ["stun:a.example"], ["turn:a.example"], "secret"
     assert servers_on(client.get("/check/")) == [{"urls": ["stun:a.example"]}]
     client.force_login(User.objects.create_user("ada", password="x"))
+    giraff = Robot.objects.create(name="giraff", title="Giraff", access=Robot.Access.INVITATION)
+    assert servers_on(client.get("/check/")) == [{"urls": ["stun:a.example"]}]
+    RobotPermit.objects.create(robot=giraff, user=User.objects.get(), kind=RobotPermit.Kind.INVITED)
     signed_in = servers_on(client.get("/check/"))
     assert [server["urls"] for server in signed_in] == [["stun:a.example"], ["turn:a.example"]]
     assert signed_in[1]["username"].endswith(str(User.objects.get().pk))
@@ -52,6 +58,19 @@ async def test_the_line_says_back_a_few_short_words_to_anybody():
     await line.send_to("?")
     assert await line.receive_output(timeout=patient(5)) == {"type": "websocket.close", "code": wire.FLOODED}
     await line.disconnect()
+
+
+async def test_an_address_has_so_many_lines_open(monkeypatch):
+    monkeypatch.setattr(asgi.counted, "_limit", 2)
+    lines = []
+    for address in ("198.51.100.7", "198.51.100.7", "198.51.100.7", "198.51.100.8"):
+        line = WebsocketCommunicator(asgi.application, f"/{wire.CHECK_PATH}", headers=[(b"host", b"127.0.0.1"), (b"origin", ORIGIN.encode())])
+        line.scope["client"] = (address, 1)
+        lines.append((line, (await line.connect(timeout=patient(5)))[0]))
+    assert [connected for _, connected in lines] == [True, True, False, True]
+    for line, connected in lines:
+        if connected:
+            await line.disconnect()
 
 
 async def test_the_line_says_back_nothing_long():

@@ -15,6 +15,7 @@ from robots.api.errors import Rejection
 from robots.models import Robot, RobotPermit
 from sessions import consumers, wire
 from sessions.models import Lease, Session
+from telepresence_site import asgi
 from tests.support import words
 from tests.support.pages import Page, until
 from tests.support.patience import patient
@@ -67,6 +68,17 @@ async def test_nobody_comes_in_without_signing_in(bridge, robot):
 @pytest.mark.parametrize("origin", [None, "http://evil.example.org", "null", "http://127.0.0.1.evil.example.org"])
 async def test_a_missing_or_foreign_origin_is_refused(bridge, robot, ada, origin):
     assert not await Page("giraff", ada, origin=origin).open()
+
+
+async def test_a_visitor_has_so_many_pages_open_and_another_one_when_one_has_gone(bridge, robot, ada, bob, monkeypatch):
+    monkeypatch.setattr(asgi.pages, "_limit", 2)
+    async with Page("giraff", ada):
+        async with Page("giraff", ada):
+            assert not await Page("giraff", ada).open()
+            async with Page("giraff", bob):
+                pass
+        async with Page("giraff", ada) as page:
+            await page.expect("hello")
 
 
 async def test_there_is_no_page_for_a_robot_that_does_not_exist(bridge, robot, ada):

@@ -213,12 +213,37 @@ def test_the_same_refusal_is_told_once_a_second_and_counted_every_time():
 
 
 @pytest.mark.parametrize(
+    "data", [{"word": "x" * 201}, {f"word-{n}": "x" * 100 for n in range(16)}, {f"word-{n}": None for n in range(17)}, {"x" * 121: 1.0}]
+)
+def test_what_would_fill_the_record_is_refused(data):
+    (effect,) = say(driver(), "page/event", wire.PageEvent(stamp=1.0, type="cue_shown", data=data))
+    assert isinstance(effect, Deny)
+
+
+def test_the_longest_that_a_page_says_for_the_record_passes():
+    layout = {
+        "interface": "technical", "layout": "upright", "width": 1280.5, "height": 719.3333129882812, "screen_width": 2560.0, "screen_height": 1440.0,
+        "density": 1.3333333730697632, "touch": False, "bot": True,
+    }  # fmt: skip
+    check = dict.fromkeys(("server", "browser", "picture", "way", "detour", "microphone", "camera", "gamepad", "overall", "app"), "unsupported")
+    answer = {"id": "answer-" + "0" * 24, "choice": "again", "photo": "p" * 64}
+    network = wire.PageNetwork(stamp=1.7e9 + 1 / 3, way="datachannel", path="host/udp", **dict.fromkeys(
+        ("round_trip", "loss", "jitter", "fps", "freezes", "bitrate", "frame_age"), 1 / 3))  # fmt: skip
+    events = [wire.PageEvent(stamp=1.7e9 + 1 / 3, type="layout", data=data) for data in (layout, check | {"roundTrip": 1 / 3}, answer)]
+    for suffix, message in (("page/network", network), *(("page/event", event) for event in events)):
+        (effect,) = say(driver(), suffix, message)
+        assert isinstance(effect, Report)
+        assert len(effect.message.message) < wire.MAX_REPORT / 2
+
+
+@pytest.mark.parametrize(
     ("suffix", "message", "rate", "burst"),
-    [("command/velocity", words.velocity(), 60, 60), ("command/heartbeat", m.CommandHeartbeat(n=1, stamp=1.0), 30, 60), ("command/action", action(m.Stop), 60, 60)],
+    [("command/velocity", words.velocity(), 60, 60), ("command/heartbeat", m.CommandHeartbeat(n=1, stamp=1.0), 30, 60), ("command/action", action(m.Stop), 60, 60),
+     ("page/event", wire.PageEvent(stamp=1.0, type="x"), 3, 60)],
 )  # fmt: skip
 def test_more_than_a_page_needs_is_refused(suffix, message, rate, burst):
     room = driver()
-    passed = sum(isinstance(effect, Publish | Halt) for tick in range(2000) for effect in say(room, suffix, message, now=tick / 200))
+    passed = sum(isinstance(effect, Publish | Halt | Report) for tick in range(2000) for effect in say(room, suffix, message, now=tick / 200))
     assert burst + 10 * rate - 1 <= passed <= burst + 10 * rate + 1
 
 

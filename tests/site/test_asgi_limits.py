@@ -1,8 +1,11 @@
 """What never reaches Django."""
 
+import asyncio
+from types import SimpleNamespace
+
 import pytest
 
-from telepresence_site.asgi_limits import CONNECTS_AT_ONCE, BodyLimit, ConnectLimit, SameOrigin, is_same
+from telepresence_site.asgi_limits import CONNECTS_AT_ONCE, BodyLimit, ConnectLimit, OpenLimit, SameOrigin, address_of, is_same, user_of
 
 
 async def sends(limit: int, parts: list[bytes], headers: tuple = ()) -> tuple[list[dict], int]:
@@ -52,7 +55,7 @@ async def test_nonsense_for_a_length_is_no_way_round_the_limit():
     assert (said[0]["status"], read) == (413, 0)
 
 
-async def opens(origin: bytes | None, host: bytes = b"robots.example", trusted: tuple[str, ...] = ()) -> bool:
+async def opens(origin: bytes | None, host: bytes = b"robots.example", trusted: tuple[str, ...] = (), *, secure_only: bool = False) -> bool:
     """Tell whether a page of this origin may open a WebSocket."""
     opened = []
 
@@ -63,7 +66,7 @@ async def opens(origin: bytes | None, host: bytes = b"robots.example", trusted: 
         pass
 
     headers = [(b"host", host), *([(b"origin", origin)] if origin is not None else [])]
-    await SameOrigin(application, list(trusted))({"type": "websocket", "headers": headers}, None, send)
+    await SameOrigin(application, list(trusted), secure_only=secure_only)({"type": "websocket", "headers": headers}, None, send)
     return bool(opened)
 
 
@@ -84,6 +87,15 @@ async def test_a_page_from_anywhere_else_even_from_another_port_opens_none(origi
 
 async def test_an_origin_that_is_trusted_with_forms_is_trusted_with_sockets():
     assert await opens(b"https://other.example", trusted=("https://other.example",))
+
+
+async def test_a_site_that_is_reached_by_https_alone_takes_no_page_that_came_by_plain_http():
+    assert await opens(b"https://robots.example", secure_only=True)
+    assert await opens(b"HTTPS://127.0.0.1:8443", b"127.0.0.1:8443", secure_only=True)
+    assert not await opens(b"http://robots.example", secure_only=True)
+    assert not await opens(b"http://robots.example:8443", b"robots.example:8443", secure_only=True)
+    assert await opens(b"http://other.example", trusted=("http://other.example",), secure_only=True)
+    assert await opens(b"http://robots.example")
 
 
 def test_an_ipv6_host_is_compared_like_any_other():
@@ -117,3 +129,53 @@ async def test_an_address_that_opens_sockets_without_end_is_kept_out_for_a_while
     assert await come("10.0.0.1", 1, forwarded="198.51.100.9") == 1
     clock[0] = 2.0
     assert await come("198.51.100.7", 50) == 10
+
+
+class Sockets:
+    """Sockets that stay open until they are let go; `open` has who has how many."""
+
+    def __init__(self, who, limit=2):
+        self.door = OpenLimit(self._stay, limit, who)
+        self.tasks, self.refused, self.ends = [], [], []
+
+    async def _stay(self, _scope, _receive, _send):
+        self.ends.append(asyncio.get_running_loop().create_future())
+        await self.ends[-1]
+
+    async def _send(self, message):
+        self.refused.append(message["code"])
+
+    async def come(self, **scope) -> bool:
+        """Open one more and tell whether it was let in."""
+        before = len(self.ends)
+        self.tasks.append(asyncio.create_task(self.door({"type": "websocket", **scope}, None, self._send)))
+        await asyncio.sleep(0)
+        return len(self.ends) > before
+
+
+async def test_an_address_has_so_many_sockets_open_and_another_one_when_one_has_ended_however_it_did():
+    sockets = Sockets(lambda scope: address_of(scope, ["10.0.0.1"]))
+    here, there = ({"client": (address, 1), "headers": []} for address in ("198.51.100.7", "198.51.100.8"))
+    proxied = {"client": ("10.0.0.1", 1), "headers": [(b"x-forwarded-for", b"198.51.100.7")]}
+    assert [await sockets.come(**way) for way in (here, proxied, here, proxied)] == [True, True, False, False]
+    assert sockets.refused == [1013, 1013]
+    assert await sockets.come(**there)
+    sockets.ends[0].set_exception(ConnectionError())
+    sockets.tasks[1].cancel()
+    await asyncio.wait(sockets.tasks[:2])
+    assert [await sockets.come(**here) for _ in range(3)] == [True, True, False]
+    for end in sockets.ends[2:]:
+        end.set_result(None)
+    await asyncio.gather(*sockets.tasks, return_exceptions=True)
+    assert not sockets.door._open
+
+
+async def test_a_user_has_so_many_sockets_open_wherever_they_are_and_whoever_has_not_signed_in_is_not_counted_with_others():
+    sockets = Sockets(user_of)
+    ada, bob, nobody = (SimpleNamespace(pk=pk, is_authenticated=pk > 0) for pk in (1, 2, 0))
+    assert [await sockets.come(user=ada) for _ in range(3)] == [True, True, False]
+    assert await sockets.come(user=bob)
+    assert [await sockets.come(user=nobody) for _ in range(5)] == [True] * 5
+    for task in sockets.tasks:
+        task.cancel()
+    await asyncio.gather(*sockets.tasks, return_exceptions=True)

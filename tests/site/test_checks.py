@@ -126,6 +126,12 @@ def test_times_must_be_positive(settings, value):
     assert found_by(checks.check_numbers) == ["telepresence.E005"]
 
 
+@pytest.mark.parametrize("name", ["SOCKETS_PER_ADDRESS", "SOCKETS_PER_USER"])
+def test_a_bound_that_lets_nobody_in_is_none(settings, name):
+    setattr(settings, name, 0)
+    assert found_by(checks.check_numbers) == ["telepresence.E005"]
+
+
 def test_nobody_need_be_asked_whether_they_are_there_but_not_in_negative_time(settings):
     settings.IDLE_SECONDS = 0.0
     assert found_by(checks.check_numbers) == []
@@ -136,6 +142,15 @@ def test_nobody_need_be_asked_whether_they_are_there_but_not_in_negative_time(se
 def test_a_proxy_must_be_an_address_or_a_network(settings):
     settings.TRUSTED_PROXIES = ["10.0.0.1", "10.0.0.0/8", "::1", "proxy"]
     assert found_by(checks.check_proxies) == ["telepresence.E006"]
+
+
+def test_behind_a_proxy_that_nobody_names_all_visitors_would_share_an_address(settings):
+    settings.SECURE_PROXY_SSL_HEADER, settings.TRUSTED_PROXIES = ("HTTP_X_FORWARDED_PROTO", "https"), []
+    assert found_by(checks.check_visitors_addresses) == ["telepresence.W008"]
+    settings.TRUSTED_PROXIES = ["127.0.0.1"]
+    assert found_by(checks.check_visitors_addresses) == []
+    settings.SECURE_PROXY_SSL_HEADER, settings.TRUSTED_PROXIES = None, []
+    assert found_by(checks.check_visitors_addresses) == []
 
 
 def test_plain_http_for_others_is_a_warning(settings):

@@ -1,5 +1,6 @@
 """The files in deploy/ are valid in the eyes of the programs that read them, and say the same as the code."""
 
+import ipaddress
 import os
 import re
 import shutil
@@ -51,6 +52,18 @@ def test_caddy_takes_its_file(tmp_path):
     code, said = run(program("caddy"), "validate", "--adapter", "caddyfile", "--config", str(DEPLOY / "proxy/Caddyfile"), env=environment)
     assert code == 0, said
     assert "Valid configuration" in said
+
+
+@pytest.mark.parametrize(
+    "address",
+    ["127.0.0.1", "10.1.2.3", "192.168.1.1", "169.254.169.254", "::", "::1", "::127.0.0.1", "::ffff:10.1.2.3", "64:ff9b::a01:203", "2002:a01:203::1",
+     "fd00::1", "fe80::1"],
+)  # fmt: skip
+def test_the_relay_leads_into_no_inner_network_also_not_by_ipv4_in_the_clothes_of_ipv6(address):
+    ranges = re.findall(r"^denied-peer-ip=([^-\n]+)-(\S+)$", (DEPLOY / "coturn/turnserver.conf").read_text(), re.MULTILINE)
+    wanted = ipaddress.ip_address(address)
+    pairs = [(ipaddress.ip_address(first), ipaddress.ip_address(last)) for first, last in ranges]
+    assert any(first <= wanted <= last for first, last in pairs if first.version == wanted.version)
 
 
 def test_nginx_takes_its_file(tmp_path):

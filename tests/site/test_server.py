@@ -132,6 +132,16 @@ async def test_two_visitors_on_two_processes_share_one_robot(server):
     assert kept.split() == ["127.0.0.0/24"], "nobody is believed about their own address"
 
 
+async def test_a_page_that_came_by_plain_http_opens_no_socket(server):
+    headers = {"Cookie": f"sessionid={server.site.sign_in('ada')}"}
+    ask = {"ssl": server.tls, "additional_headers": headers, "proxy": None}
+    url = server.url.replace("https", "wss") + "/ws/robots/giraff/"
+    with pytest.raises(InvalidStatus, match="403"):
+        await connect(url, origin=server.url.replace("https", "http"), **ask)
+    async with connect(url, origin=server.url, **ask) as page:
+        assert decode(await page.recv())[0] == "hello"
+
+
 async def test_a_robot_that_only_web_traffic_reaches_finds_the_broker_behind_the_proxy(server):
     async def subscribed(password):
         web = {"transport": "websockets", "websocket_path": "/mqtt", "tls_context": server.tls, "timeout": patient(SECONDS)}

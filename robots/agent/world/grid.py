@@ -22,7 +22,7 @@ MAXIMUM_SIDE = 8192
 HEADER_BYTES = 4096
 PNG = b"\x89PNG\r\n\x1a\n"
 _BETWEEN = rb"(?:\s|#[^\n]*\n)+"
-_PGM = re.compile(rb"P[25]" + _BETWEEN + rb"(\d{1,9})" + _BETWEEN + rb"(\d{1,9})")
+_PGM = re.compile(rb"P[25]" + _BETWEEN + rb"(\d{1,9})" + _BETWEEN + rb"(\d{1,9})\s")
 
 
 class MapError(ValueError):
@@ -88,7 +88,7 @@ def _grid(content: dict[str, Any], path: Path) -> OccupancyGrid:
 
 
 def read_grey(path: Path) -> npt.NDArray[np.uint8]:
-    """Return an image file (PNG, PGM …) as (h, w) uint8.
+    """Return an image file, PNG or PGM, as (h, w) uint8.
 
     Raises:
         MapError: it is not there, no image, or larger than `MAXIMUM_SIDE`.
@@ -97,13 +97,13 @@ def read_grey(path: Path) -> npt.NDArray[np.uint8]:
 
 
 def decode_grey(source: str | BinaryIO, name: str) -> npt.NDArray[np.uint8]:
-    """Return an image, a path or an open file, as (h, w) uint8; `name` is what errors call it.
+    """Return a PNG or PGM, a path or an open file, as (h, w) uint8; `name` is what errors call it.
 
     Raises:
         MapError: it is not there, no image, or larger than `MAXIMUM_SIDE`.
     """
     try:
-        _check_size(*_told_size(_beginning(source)), name)  # opening it would already unpack a picture of any size
+        _check_size(*_told_size(_beginning(source), name), name)  # opening it would already unpack a picture of any size
         with av.open(source, "r") as container:
             frame = next(container.decode(video=0))
     except (OSError, av.FFmpegError, StopIteration, IndexError) as error:
@@ -121,12 +121,17 @@ def _beginning(source: str | BinaryIO) -> bytes:
     return start
 
 
-def _told_size(start: bytes) -> tuple[int, int]:
-    """Return (width, height) as the beginning of a PNG (ISO/IEC 15948, 11.2.2) or PGM file tells it; (0, 0) of any other."""
-    if start.startswith(PNG):
+def _told_size(start: bytes, name: str) -> tuple[int, int]:
+    """Return (width, height) as the beginning of a PNG (ISO/IEC 15948, 11.2.2) or PGM file tells it.
+
+    FFmpeg also reads a PNG whose first chunk is another than IHDR, and many other formats: of those the size is not known, and they are refused.
+    """
+    if start.startswith(PNG) and start[12:16] == b"IHDR":
         return int.from_bytes(start[16:20]), int.from_bytes(start[20:24])
     found = _PGM.match(start)
-    return (int(found[1]), int(found[2])) if found else (0, 0)
+    if found is None:
+        raise MapError(f"{name}: cannot be read as an image (neither the beginning of a PNG nor of a PGM)")
+    return int(found[1]), int(found[2])
 
 
 def _check_size(width: int, height: int, name: str) -> None:

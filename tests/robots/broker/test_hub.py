@@ -1,11 +1,21 @@
 """The embedded broker's bounds, which no client on a quiet loopback reaches."""
 
-from robots.api.topics import of
+import asyncio
+import ssl
+
+import pytest
+
+from robots.api.topics import SERVER, of
 from robots.broker import hub as hub_module
 from robots.broker import packets
+from robots.broker.embedded import CONNECT_BYTES, MAX_STRANGERS, EmbeddedBroker
 from robots.broker.hub import WINDOW, Hub
 from robots.broker.packets import Connect, PacketReader, Publish, Subscribe
 from robots.broker.permissions import BrokerUser, of_robot, of_server
+from robots.credentials import hash_token
+from tests.support.broker_rig import RawClient, connect_packet, framed
+from tests.support.patience import patient
+from tests.support.server import certificate
 
 WEB = BrokerUser("web", "hash", of_server())
 GIRAFF, RHODON = (BrokerUser(name, "hash", of_robot(name)) for name in ("giraff", "rhodon"))
@@ -83,10 +93,22 @@ def test_a_queue_that_is_full_refuses_the_newest(monkeypatch):
 def test_retained_messages_are_bounded(monkeypatch):
     monkeypatch.setattr(hub_module, "MAX_RETAINED", 2)
     hub = Hub()
-    giraff, _ = join(hub, GIRAFF)
-    for peer in ("p1", "p2", "p3"):
-        hub.publish(giraff, Publish(of("giraff", f"signal/{peer}/reply"), b"x", retain=True))
+    web, _ = join(hub, WEB)
+    for robot in ("giraff", "rhodon", "third"):
+        hub.publish(web, Publish(of(robot, "lease"), b"x", retain=True))
     assert len(hub.retained) == 2
+
+
+def test_a_robot_retains_what_the_topic_table_says_and_nothing_else():
+    hub = Hub()
+    (giraff, _), (web, heard) = join(hub, GIRAFF), join(hub, WEB)
+    subscribe(hub, web, "telepresence/v1/#")
+    for suffix in ("signal/p1/reply", "photo/a1", "picture/p1", "state", "connection", "factsheet"):
+        hub.publish(giraff, Publish(of("giraff", suffix), b"x", retain=True))
+    assert set(hub.retained) == {of("giraff", "connection"), of("giraff", "factsheet")}
+    assert len(heard.heard) == 6  # all the same it is delivered
+    hub.publish(web, Publish(f"{SERVER}/news", b"x", retain=True))
+    assert f"{SERVER}/news" in hub.retained
 
 
 def test_left_sessions_of_one_user_are_bounded_and_expire():
@@ -152,3 +174,59 @@ def test_subscriptions_of_one_session_are_bounded(monkeypatch):
     hub = Hub()
     web, _ = join(hub, WEB)
     assert [subscribe(hub, web, of(name, "state")) for name in ("a", "b", "c", "a")] == [1, 1, packets.SUBSCRIPTION_REFUSED, 1]
+
+
+# --- sockets ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(params=["plain", "tls"])
+async def door(request, tmp_path, monkeypatch):
+    """Yield (what opens a connection to a running broker, the addresses of strangers as it counts them); `web` has the token `token`."""
+    monkeypatch.setattr("robots.broker.embedded.CONNECT_SECONDS", 600.0)  # on a busy computer nobody goes by themselves meanwhile
+    users = {"web": BrokerUser("web", hash_token("token"), of_server())}
+
+    async def read():
+        return users
+
+    serving = asking = None
+    if request.param == "tls":
+        key, chain = certificate(tmp_path)
+        serving, asking = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH), ssl.create_default_context(cafile=str(chain))
+        serving.load_cert_chain(chain, key)
+    broker = EmbeddedBroker(read)
+    port = await broker.start("127.0.0.1", 0, serving)
+
+    async def enter():
+        return RawClient(*await asyncio.open_connection("127.0.0.1", port, ssl=asking))
+
+    yield enter, broker._strangers
+    await broker.stop()
+
+
+async def test_an_address_holds_so_many_places_before_it_says_who_it_is_and_whoever_was_let_in_counts_no_more(door):
+    enter, strangers = door
+    known = [await enter() for _ in range(3)]
+    assert [await client.connect("web", "token", client_id=f"c{n}") for n, client in enumerate(known)] == [packets.ACCEPTED] * 3
+    assert not strangers
+    silent = [await enter() for _ in range(MAX_STRANGERS)]
+    assert await (await enter()).is_hung_up()
+    assert strangers == {"127.0.0.1": MAX_STRANGERS}
+    known[0].send(b"\xc0\x00")
+    assert await known[0].packet() == (0xD0, b""), "it is still served"
+    for client in silent:
+        client.abort()
+    async with asyncio.timeout(patient(10)):
+        while strangers:
+            await asyncio.sleep(0.01)
+    again = await enter()
+    assert await again.connect("web", "token") == packets.ACCEPTED
+
+
+async def test_nothing_long_is_kept_of_a_packet_before_its_sender_is_let_in(door):
+    enter, _ = door
+    stranger, friend = await enter(), await enter()
+    stranger.send(connect_packet("long", "web", b"x" * 0xFFFF)[: CONNECT_BYTES // 2])
+    assert await stranger.is_hung_up()
+    assert await friend.connect("web", "token") == packets.ACCEPTED
+    friend.send(framed(0x32, len(LEASE).to_bytes(2, "big") + LEASE.encode() + b"\x00\x07" + bytes(2 * CONNECT_BYTES)))
+    assert await friend.packet() == (0x40, b"\x00\x07")
