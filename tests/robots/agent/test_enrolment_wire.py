@@ -58,7 +58,7 @@ def test_a_token_travels_in_the_body_and_the_answer_is_kept(server, tmp_path):
     file = tmp_path / "deep" / "giraff.toml"
     enrol("giraff", f"{server.url}/", "once", file)
     assert server.asked == [("/api/v1/agent/enrol/", "", b'{"robot": "giraff", "token": "once"}')]
-    config = load({"robot": "giraff", "credentials": file, "var": tmp_path}, {})
+    config = load({"robot": "giraff", "credentials": file, "var": tmp_path, "adapter": "simulator"}, {})
     assert (config.token, config.user, config.server) == ("fresh", "giraff.1", server.url)
 
 
@@ -87,7 +87,7 @@ def test_a_file_that_cannot_be_written_is_told(server, tmp_path):
 def test_present_credentials_are_shown_to_get_new_ones_and_stay_when_there_is_no_answer(server, tmp_path):
     file = tmp_path / "giraff.toml"
     file.write_text(f'robot = "giraff"\ntoken = "old"\nserver = "{server.url}"\n')
-    config = load({"robot": "giraff", "credentials": file, "var": tmp_path}, {})
+    config = load({"robot": "giraff", "credentials": file, "var": tmp_path, "adapter": "simulator"}, {})
     server.answer = (503, b"")
     with pytest.raises(ServerAwayError):
         renew(config)
@@ -95,7 +95,7 @@ def test_present_credentials_are_shown_to_get_new_ones_and_stay_when_there_is_no
     server.answer = (200, json.dumps(GOOD).encode())
     assert renew(config) == GOOD
     assert server.asked[-1] == ("/api/v1/agent/renew/", "Bearer giraff:old", b"{}")
-    assert load({"robot": "giraff", "credentials": file, "var": tmp_path}, {}).token == "fresh"
+    assert load({"robot": "giraff", "credentials": file, "var": tmp_path, "adapter": "simulator"}, {}).token == "fresh"
 
 
 def test_a_server_that_is_not_there_is_told(tmp_path):
