@@ -14,6 +14,7 @@ from django.core.management import CommandError, call_command
 from django.utils import timezone
 
 from accounts.models import AuditEntry
+from robots import log_ids
 from robots.agent import enrolment as agent_side
 from robots.agent.agent import agent_of
 from robots.agent.config import ConfigError, load
@@ -225,6 +226,7 @@ def test_while_it_enrols_an_agent_believes_the_certificates_that_its_environment
 @pytest.mark.parametrize("said", ["command line", "environment", "nothing"])
 def test_manage_py_keeps_what_it_keeps_where_it_was_told_and_otherwise_where_the_site_does(said, settings, tmp_path, monkeypatch):
     settings.VAR_DIR, told = tmp_path / "site", tmp_path / "told"
+    monkeypatch.setattr(log_ids, "_process", {})  # the command names its robot for all lines of the process, here that of all tests
     kept = []
     monkeypatch.setattr(run_robot, "agent_of", lambda arguments: kept.append(Path(arguments["var"])))
     monkeypatch.setattr(run_robot, "run_until_signalled", lambda _agent: None)
