@@ -7,7 +7,6 @@ from robots.agent.config import load
 from robots.agent.mqtt import Endpoint, MqttLink
 from tests.support import words
 
-
 BOOT = "not hexadecimal"  # so that no random id can hold it by chance
 
 
