@@ -50,8 +50,10 @@ class Credentials:
 
 
 def new_token() -> str:
-    """Return 256 random bits as text that survives shells, URLs and MQTT."""
-    return secrets.token_urlsafe(TOKEN_BYTES)
+    """Return 256 random bits as text that survives shells, URLs and MQTT, and that no command takes for an option of its own."""
+    while (token := secrets.token_urlsafe(TOKEN_BYTES)).startswith("-"):
+        pass
+    return token
 
 
 def hash_token(token: str, *, salt: bytes | None = None, iterations: int = ITERATIONS) -> str:

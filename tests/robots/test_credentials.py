@@ -3,10 +3,12 @@
 import datetime
 import subprocess
 import tomllib
+from argparse import ArgumentParser
 
 import pytest
 
 from robots import credentials
+from robots.agent.config import add_arguments
 from robots.api.topics import ROBOT_NAME
 from robots.broker import mosquitto
 from robots.broker.users import read_users
@@ -22,6 +24,14 @@ def test_a_token_matches_its_hash_and_no_other():
     assert matches(token, hash_token(token))
     assert not matches(new_token(), hash_token(token))
     assert hash_token(token) != hash_token(token)
+
+
+def test_no_token_is_taken_for_an_option_of_the_command_that_it_stands_behind(monkeypatch):
+    drawn = ["-begins-with-a-dash", "--with-two", "and-not"]
+    monkeypatch.setattr(credentials.secrets, "token_urlsafe", lambda _bytes: drawn.pop(0))
+    parser = ArgumentParser()
+    add_arguments(parser)
+    assert parser.parse_args(["giraff", "--enrol", new_token()]).enrol == "and-not"
 
 
 def test_the_hash_is_the_one_that_mosquitto_makes(tmp_path):
