@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from django.core.cache import cache
 from django.utils import translation
 from hypothesis import HealthCheck, settings
 
@@ -34,6 +35,12 @@ LONG = (
 settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("same", settings.get_profile("search"), derandomize=True)
 settings.load_profile("same")
+
+
+@pytest.fixture(autouse=True)
+def no_attempts_counted():
+    """How often an address has tried something stands in the process's cache, and all tests of a process come from one address."""
+    cache.clear()
 
 
 @pytest.fixture(autouse=True)

@@ -4,7 +4,6 @@ import re
 
 import pytest
 from django.contrib.auth import get_user_model
-from django.core.cache import cache
 from django.utils import timezone
 
 from accounts.attempts import Attempts, address_of
@@ -15,11 +14,6 @@ from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan, Robot
 
 pytestmark = pytest.mark.django_db
-
-
-@pytest.fixture(autouse=True)
-def no_earlier_attempts():
-    cache.clear()
 
 
 @pytest.fixture

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 from asgiref.sync import sync_to_async
 from django.conf import settings as site
-from django.core.cache import cache
 from django.core.management import CommandError, call_command
 from django.test import AsyncClient, Client
 from django.utils import timezone
@@ -26,7 +25,6 @@ REPORT = {"battery": {"charge": 0.5, "charging": True}, "docked": True, "pose": 
 
 @pytest.fixture
 def giraff():
-    cache.clear()
     plan = FloorPlan.objects.create(name="office", title="Office", resolution=0.05, origin_x=0, origin_y=0, width=1, height=1, image=b"", plan=PLACES)
     return Robot.objects.create(name="giraff", title="Giraff", floor_plan=plan, connection="ONLINE", last_seen_at=timezone.now(), report=REPORT,
                                 factsheet={"series": "Giraff", "capabilities": ["velocity", "dock"]})  # fmt: skip
