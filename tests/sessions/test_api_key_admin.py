@@ -62,24 +62,24 @@ def test_two_keys_of_a_robot_do_not_share_a_label_and_the_form_sent_again_makes_
 
 def test_an_owner_neither_sees_nor_makes_nor_deletes_keys_of_other_robots(client, giraff):
     other = robot_of(person("another"), "rhodon")
-    make_key(other, "lift", timezone.now())
+    make_key(other, "the lift", timezone.now())
     form = client.get(f"{LIST}add/").content.decode()
     assert str(giraff.pk) in form
     assert str(other.pk) not in form
-    assert "lift" not in client.get(LIST).content.decode()
+    assert "the lift" not in client.get(LIST).content.decode()
     assert 'id="key"' not in client.post(f"{LIST}add/", {"robot": other.pk, "label": "x"}).content.decode()
     client.post(LIST, {"action": "delete_selected", "_selected_action": [ApiKey.objects.get().pk], "post": "yes"})
-    assert ApiKey.objects.get().label == "lift"
+    assert ApiKey.objects.get().label == "the lift"
 
 
 def test_an_owner_who_may_look_at_all_keys_takes_only_their_own_away(client, owner, giraff):
     owner.user_permissions.add(Permission.objects.get(codename="view_apikey"))
-    make_key(robot_of(person("another"), "rhodon"), "lift", timezone.now())
-    assert "lift" in client.get(LIST).content.decode()
+    make_key(robot_of(person("another"), "rhodon"), "the lift", timezone.now())
+    assert "the lift" in client.get(LIST).content.decode()
     pk = ApiKey.objects.get().pk
     client.post(LIST, {"action": "delete_selected", "_selected_action": [pk], "post": "yes"})
     client.post(f"{LIST}{pk}/delete/", {"post": "yes"})
-    assert ApiKey.objects.get().label == "lift"
+    assert ApiKey.objects.get().label == "the lift"
 
 
 @pytest.mark.parametrize("way", ["page", "list"])

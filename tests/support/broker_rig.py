@@ -15,6 +15,7 @@ from robots.broker.mosquitto import MosquittoBroker
 from robots.broker.permissions import BrokerUser, of_robot, of_server
 from robots.credentials import hash_token, new_token
 from tests.support.patience import patient
+from tests.support.site import free_port
 
 KINDS = tuple(os.environ.get("BROKERS", "embedded,mosquitto").split(","))
 POLL = 0.1
@@ -39,7 +40,7 @@ class BrokerRig:
     directory: Path
     users: dict[str, BrokerUser] = field(default_factory=dict)
     tokens: dict[str, str] = field(default_factory=dict)
-    port: int = 0
+    port: int = field(default_factory=free_port)  # nobody else is given it while a broker that starts again is away
 
     async def start(self):
         self.add("web", of_server())

@@ -24,6 +24,11 @@ def code_of(stamp: float) -> int:
     return int(stamp * TICKS_PER_SECOND) % MODULO
 
 
+def apart(code: int, other: int) -> int:
+    """Return the ticks between two such numbers, which begin anew every half an hour."""
+    return min((code - other) % MODULO, (other - code) % MODULO)
+
+
 def draw_code(image: npt.NDArray[np.uint8], code: int) -> None:
     """Draw a number into the top of an image (height, width, 3)."""
     bits = [code >> shift & 1 for shift in reversed(range(BITS))]

@@ -115,7 +115,7 @@ def test_a_broken_file_is_named(folder, name, content, says):
     "change", [lambda text: text.replace("stamp", "time", 1), lambda text: text[:-9], lambda text: text.replace("0.9", "lots", 1)]
 )
 def test_a_broken_file_of_states_is_named_when_it_is_read(folder, change):
-    path = next((folder / "data" / "states").glob("*.csv"))
+    path = min((folder / "data" / "states").glob("*.csv"))
     dataset = read(folder)
     session = next(one.id for one in dataset.sessions if one.id.replace("-", "") in path.name)
     assert len(dataset.states(session))
