@@ -146,15 +146,15 @@ class SceneCamera:
         seen = self._canvas.cast_walls(lens, behind)
         self._canvas.paint_walls(lens, behind, seen, window, stencil)
         body = joined(self._body.moved(pose), swinging)
-        there = joined(joined(self._before_glass(things, start, normal), body), self._figures.things(people, behind.origin))
+        there = joined(joined(self._before_glass(things, glass, normal), body), self._figures.things(people, behind.origin))
         self._canvas.paint(lens, behind, look(there, lens, behind, seen.reach, window), stencil)
         self._canvas.paint(lens, eye, [sight.within(window) for sight in sights if (sight.entry[met] < reach[met]).any()], stencil)
 
-    def _before_glass(self, things: Things, start: Floats, normal: Floats) -> Things:
+    def _before_glass(self, things: Things, glass: Glass, normal: Floats) -> Things:
         """Return what does not lie wholly behind a mirror; the last answers are kept."""
-        key = (id(things), hash((*start.tolist(), *normal.tolist())))
+        key = (id(things), id(glass))
         if key not in self._before:
-            self._before[key] = before(things, start, normal)
+            self._before[key] = before(things, glass.line[:2], normal)
         return self._before[key]
 
 

@@ -1,5 +1,6 @@
 """The picture is a pinhole's: what stands at a place of the world is where the camera model puts it."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -9,10 +10,13 @@ from hypothesis import strategies as st
 
 from robots.agent.adapters.contract import Frame
 from robots.agent.pixels import video_frame
+from robots.agent.simulator import camera as camera_module
 from robots.agent.simulator.camera import SceneCamera
 from robots.agent.simulator.lens import grind
 from robots.agent.simulator.people import Person
 from robots.agent.simulator.profiles import GIRAFF, RHODON
+from robots.agent.simulator.scene import Glass
+from robots.agent.simulator.things import before
 from robots.agent.world.sites import load_plan
 from robots.api.floorplan import DoorState
 from robots.api.geometry import Pose2D
@@ -166,6 +170,17 @@ def test_facing_the_mirror_the_robot_sees_itself_and_beside_it_not(camera: Scene
     away = picture(camera, (7.9, middle, 0.0)).astype(int).reshape(-1, 3)
     blue_display = (np.abs(away - (43, 108, 176)).max(axis=1) < 12).mean()
     assert blue_display < 0.001
+
+
+def test_each_mirror_has_its_own_side_however_alike_their_numbers_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python's hashes of -1.0 and -2.0 are the same."""
+    camera, asked = SceneCamera(GIRAFF, PLAN, seed=1), []
+    glasses = tuple(Glass(np.array([x, 8.0, x, 6.0]), 0.3, 2.0) for x in (-1.0, -2.0))
+    camera.scene = dataclasses.replace(camera.scene, mirrors=glasses)
+    monkeypatch.setattr(camera_module, "before", lambda things, start, normal: asked.append(start[0]) or before(things, start, normal))
+    for _ in range(2):
+        picture(camera, (0.0, 7.0, math.pi))
+    assert asked == [-1.0, -2.0]
 
 
 def test_left_in_the_mirror_is_left(camera: SceneCamera) -> None:
