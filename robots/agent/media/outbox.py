@@ -13,6 +13,7 @@ from robots.agent.media.viewer_queue import ViewerQueue
 MAX_SOUNDS = 10  # 200 ms
 PAUSE = 0.2  # s without a picture: what is old then is the camera's fault
 LONGEST_GAP = 0.1  # s between two pictures for which packets are sent again
+ONCE = 5.0  # s; who falls behind more seldom than this was held up, and no narrow network makes it happen again
 
 
 class SentRate:
@@ -58,6 +59,7 @@ class PictureOutbox:
         self._ask_key_frame = ask_key_frame
         self._before = before
         self._lost = lost
+        self._behind_at = float("-inf")
         self._open = False
         self._filled = asyncio.Event()
 
@@ -66,9 +68,16 @@ class PictureOutbox:
         if not self._open:
             return
         if self.queue.put(picture, self.backlog()):
-            self._ask_key_frame("behind")
+            self._ask_key_frame(self._why(time.monotonic()))
         if len(self.queue):
             self._filled.set()
+
+    def _why(self, now: float) -> Reason:
+        """Return what kind of viewer needs a key frame: nobody is to wait for the first picture, or because this process was busy for a moment."""
+        since, self._behind_at = now - self._behind_at, now
+        if not self.sent:
+            return "joined"
+        return "lost" if since > ONCE else "behind"
 
     async def take(self) -> Outgoing:
         """Wait for the next picture to send; the first call comes when the connection is up and asks for a key frame."""

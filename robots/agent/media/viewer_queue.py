@@ -14,12 +14,12 @@ _REMIND = 30  # pictures skipped before asking for a key frame again
 
 
 class ViewerQueue:
-    """The pictures for one viewer, oldest first, always beginning on a key frame."""
+    """The pictures for one viewer, oldest first, always beginning on a key frame; who opens it asks for the first one."""
 
     def __init__(self) -> None:
         self._pictures: deque[Picture] = deque()
         self._started = False
-        self._skipped = 0
+        self._skipped = 1  # what comes before the first key frame needs no second one
         self.restarts = 0
 
     def __len__(self) -> int:
