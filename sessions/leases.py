@@ -79,7 +79,8 @@ class Hold:
 class Scene:
     """Everything that a decision about one robot looks at.
 
-    `pause` says in a word or sentence why the robot is not ready for a visit (sessions/turnaround.py), empty when it is.
+    `pause` says in a word or sentence why the robot is not ready for a visit (sessions/turnaround.py), empty when it is. `changed_at` is
+    when the lease changed last: whoever asked earlier and waited for it has the robot from then on.
     """
 
     hold: Hold
@@ -87,6 +88,7 @@ class Scene:
     enabled: bool = True
     online: bool = True
     pause: str = ""
+    changed_at: float = 0.0
 
     @property
     def ready(self) -> bool:

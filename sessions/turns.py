@@ -173,7 +173,7 @@ def _grant(grant: Grant, scene: Scene, asker: _Asker) -> Granted | Refused | Non
         return Refused(str(refusal), session)  # type: ignore[arg-type]
     changes: dict[str, Any] = {"state": grant.state, "seen_at": asker.now, "lost_at": asker.now if grant.state == "reconnecting" else None}
     if not grant.returning:
-        changes |= {"granted_at": asker.now, "offered_at": None, "turn_ends_at": None}
+        changes |= {"granted_at": max(asker.now, _moment(scene.changed_at)), "offered_at": None, "turn_ends_at": None}
     if not Session.objects.filter(pk=session, state__in=LIVE).update(**changes):
         change_lease(asker.robot, hold.epoch, session=None, peer="", now=asker.now)  # it was ended from another tab meanwhile
         return None
@@ -336,7 +336,11 @@ def load_scene(robot: Robot, now: datetime.datetime) -> Scene:
     if hold.session is not None and hold.session not in {visit.id for visit in visits}:
         # Perhaps it began after the sessions were read.
         visits += [visit_of(session) for session in Session.objects.filter(pk=hold.session, state__in=LIVE)]
-    return Scene(hold, tuple(visits), enabled=robot.enabled, online=robot.is_online(now), pause=pause_of(robot))
+    return Scene(hold, tuple(visits), robot.enabled, robot.is_online(now), pause_of(robot), lease.changed_at.timestamp() if lease else 0.0)
+
+
+def _moment(unix: float) -> datetime.datetime:
+    return datetime.datetime.fromtimestamp(unix, datetime.UTC)
 
 
 def pause_of(robot: Robot) -> str:

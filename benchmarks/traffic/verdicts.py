@@ -41,7 +41,8 @@ def two_at_once(drives: Sequence[Drive]) -> list[str]:
         own = sorted((drive for drive in drives if drive.robot == robot), key=lambda drive: drive.since)
         for earlier, later in pairwise(own):
             if earlier.until is None or earlier.until > later.since:
-                wrong.append(f"{robot}: {later.session} began before {earlier.session} had ended")
+                ended = "never ended" if earlier.until is None else f"ended {earlier.until - later.since:.3f} s later, {earlier.outcome}"
+                wrong.append(f"{robot}: {later.session} began while somebody had it: {earlier.session} {ended}")
     return wrong
 
 

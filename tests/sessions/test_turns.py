@@ -44,6 +44,15 @@ def test_a_grant_names_everything_that_page_and_robot_need(giraff, ana):
     assert (row.state, row.granted_at, row.seen_at, row.device) == ("connecting", NOW, NOW, {"os": "Linux"})
 
 
+def test_who_asked_before_the_robot_was_free_has_it_from_when_it_was(giraff, ana, ben):
+    """A database that answers late must not make the record say that two had it."""
+    first = turns.take(giraff, ana, "peer-1", now=NOW)
+    turns.leave(first.session, peer="peer-1", now=after(10.123456))
+    second = turns.take(giraff, ben, "peer-2", now=after(9))
+    ended, granted = (Session.objects.get(pk=one.session) for one in (first, second))
+    assert granted.granted_at == ended.ended_at == after(10.123456)
+
+
 def test_the_same_page_resumes_with_the_lease_as_it_is(giraff, ana):
     first = turns.take(giraff, ana, "peer-1", now=NOW)
     Lease.objects.update(renewal=17)
