@@ -107,7 +107,7 @@ class LightVisitor:
                 self._told.counts[suffix] += 1
                 self._over()
             case "denied":
-                self._told.counts[f"denied_{msgspec.json.decode(payload, type=wire.Denied).reason}"] += 1
+                self._denied(msgspec.json.decode(payload, type=wire.Denied))
 
     def _robot_said(self, said: Said, now: float) -> None:
         self._told.delays.append(now - said.stamp)
@@ -136,6 +136,13 @@ class LightVisitor:
     def _ask(self) -> None:
         if not self._departed:
             self._say("session/take", wire.Take())
+
+    def _denied(self, denied: wire.Denied) -> None:
+        """Ask again, as a page does that gets no answer, for what the server could not do just then."""
+        self._told.counts[f"denied_{denied.reason}"] += 1
+        again = {"session/take": self._ask, "session/leave": self.leave}.get(denied.suffix)
+        if denied.reason == "unavailable" and again is not None:
+            asyncio.get_running_loop().call_later(self._rng.uniform(*AGAIN), again)
 
     # --- what it says ------------------------------------------------------------------------------------------------
 

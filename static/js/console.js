@@ -261,7 +261,11 @@ const HANDLERS = {
   },
   // For the record that others keep.
   event: () => undefined,
-  denied: ({ suffix, reason }) => refusedFrames.set(`${suffix} ${reason}`, (refusedFrames.get(`${suffix} ${reason}`) ?? 0) + 1),
+  denied: (message) => {
+    const what = `${message.suffix} ${message.reason}`;
+    refusedFrames.set(what, (refusedFrames.get(what) ?? 0) + 1);
+    dispatch({ type: "denied", message });
+  },
 };
 
 /**

@@ -6,7 +6,7 @@
 import { TICK_SECONDS } from "./commands.js";
 import { Aging, BEAT_SECONDS, HASTY_SECONDS } from "./connection/heartbeat.js";
 import { createNetworkReport } from "./connection/network_report.js";
-import { isSigning, roleOf } from "./connection/session.js";
+import { awaitsAnswer, isSigning, roleOf } from "./connection/session.js";
 import { unixNow } from "./lib/clock.js";
 
 const SOCKET_SILENCE = 3; // s without the robot's heartbeat on a WebSocket that should bring it
@@ -39,7 +39,7 @@ export const createRounds = (page) => {
   const { store, socket, link, carrier, pulse, commands, slow, viewport, shown, frameAge, report, dispatch } = page;
   const network = createNetworkReport({ store, socket, link, slow, frameAge });
   const aging = new Aging();
-  let [beatAt, secondAt, takingSince, hurryUntil] = [0, 0, 0, 0];
+  let [beatAt, secondAt, askedSince, hurryUntil] = [0, 0, 0, 0];
   let heartbeatsSince = Infinity; // since when the robot's heartbeat ought to come through the WebSocket
   let troubledSince = 0; // 0: all is well
 
@@ -121,9 +121,9 @@ export const createRounds = (page) => {
   const everySecond = (now) => {
     store.update({ now });
     const { visit } = store.get();
-    takingSince = visit.phase === "taking" ? takingSince || now : 0;
-    if (takingSince && now - takingSince > ANSWER_PATIENCE) {
-      takingSince = now;
+    askedSince = awaitsAnswer(visit) ? askedSince || now : 0;
+    if (askedSince && now - askedSince > ANSWER_PATIENCE) {
+      askedSince = now;
       dispatch({ type: "no_answer" });
     }
     if (visit.phase === "turn" && visit.startBy !== null && now > visit.startBy) {

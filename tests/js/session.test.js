@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
 
-import { isSigning, newVisit, reduce, roleOf } from "../../static/js/connection/session.js";
+import { awaitsAnswer, isSigning, newVisit, reduce, roleOf } from "../../static/js/connection/session.js";
 
 const GRANTED = { session: "s1", epoch: 3, peer: "p1", resumed: false, iceServers: [], limits: { linear: null, angular: null, frameAge: null } };
 const HELLO = { peer: "p0", stamp: 1, robot: "giraff", online: true, mayDrive: true, mayObserve: true, liveElsewhere: false };
@@ -210,6 +210,20 @@ describe("silence", () => {
     const asking = play(...OPEN, { type: "drive" });
     assert.deepEqual(sent(after(asking.visit, { type: "no_answer" }).effects), [["session/take", {}]]);
     assert.deepEqual(play(...DRIVING, { type: "no_answer" }).effects, []);
+  });
+
+  test("a visit that was left is left again until the server says that it is over, or that it is not this visitor's", () => {
+    const left = play(...DRIVING, { type: "leave" });
+    assert.ok(awaitsAnswer(left.visit));
+    const repeated = [["session/leave", { session: "s1", peer: "p1" }]];
+    assert.deepEqual(sent(after(left.visit, { type: "no_answer" }).effects), repeated);
+    const busy = after(left.visit, message("denied", { suffix: "session/leave", reason: "unavailable" }));
+    assert.deepEqual(sent(after(busy.visit, { type: "no_answer" }).effects), repeated);
+    for (const answer of [message("session/ended", { session: "s1", outcome: "completed" }), message("denied", { suffix: "session/leave", reason: "not_yours" })]) {
+      const over = after(left.visit, answer);
+      assert.deepEqual([awaitsAnswer(over.visit), after(over.visit, { type: "no_answer" }).effects], [false, []]);
+    }
+    assert.ok(!awaitsAnswer(play(...DRIVING).visit));
   });
 
   test("an end while the turn was offered is a missed turn, unless an operator ended it", () => {

@@ -255,8 +255,13 @@ const HANDLERS = {
     return visit.phase === "watching" ? over("refused", "observers_full") : [{ link: "none" }, [{ type: "close_link" }]];
   },
 
-  /** The server has not answered for a while. */
-  no_answer: (visit) => [{}, visit.phase === "taking" && visit.socket === "open" ? askAgain(visit) : []],
+  /** The server has not answered for a while, or could not do it just then. */
+  no_answer: (visit) => {
+    const { unsaid } = visit;
+    const again = [...(unsaid ? [send("session/leave", unsaid)] : []), ...(visit.phase === "taking" ? askAgain(visit) : [])];
+    return [{}, visit.socket === "open" ? again : []];
+  },
+  denied: (_visit, { message }) => [message.suffix === "session/leave" && message.reason !== "unavailable" ? { unsaid: null } : {}],
 
   drive: (visit) => ask(visit, { session: null, peer: null, takeover: false, returning: false, reason: "" }),
   here: ({ askedUntil, signingUntil }) => [{ askedUntil: null, signingUntil: askedUntil ?? signingUntil }],
@@ -288,6 +293,9 @@ const HANDLERS = {
 
 /** @param {string} role @param {RTCIceServer[]} iceServers @param {number} attempt @returns {Effect} */
 const openLink = (role, iceServers, attempt) => ({ type: "open_link", role, iceServers, attempt });
+
+/** Whether the page has said something that the server has not answered. @param {Visit} visit */
+export const awaitsAnswer = ({ phase, unsaid }) => phase === "taking" || unsaid !== null;
 
 /** Whether a sign that was asked for is given again: until the server has it, or has stopped waiting. @param {Visit} visit @param {number} now Unix time */
 export const isSigning = ({ phase, signingUntil }, now) => phase === "driving" && signingUntil !== null && now < signingUntil;
