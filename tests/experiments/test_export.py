@@ -5,6 +5,7 @@ import io
 import os
 import subprocess
 import sys
+import threading
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -132,6 +133,27 @@ def test_an_archive_holds_what_the_folder_holds_and_is_the_same_twice(stored, tm
     with zipfile.ZipFile(io.BytesIO(first)) as archive:
         assert archive.testzip() is None
         assert {name: archive.read(name) for name in archive.namelist()} == files
+
+
+def test_an_archive_holds_what_was_given_in_order_whatever_the_sizes_of_its_parts():
+    files = [("a.csv", [b"1,2\n" * n for n in (1, 90_000, 3)]), ("empty.csv", []), ("data/b.csv", [b"x"])]
+    with zipfile.ZipFile(io.BytesIO(b"".join(zipped(files)))) as archive:
+        assert [(name, archive.read(name)) for name in archive.namelist()] == [(name, b"".join(parts)) for name, parts in files]
+
+
+def test_who_breaks_an_archive_off_leaves_no_thread_behind_and_an_error_while_it_is_made_is_told():
+    def files(*, broken):
+        yield "a.csv", [b"1,2\n" * 90_000]
+        if broken:
+            raise ValueError("no such session")
+        yield "b.csv", (bytes(1000) for _ in range(1000))
+
+    with pytest.raises(ValueError, match="no such session"):
+        list(zipped(files(broken=True)))
+    half = zipped(files(broken=False))
+    next(half)
+    half.close()
+    assert not [thread.name for thread in threading.enumerate() if thread.name.startswith("zip")]
 
 
 def test_the_same_study_gives_the_same_files_whenever_it_is_exported(stored, tmp_path):
