@@ -15,9 +15,9 @@ from sessions.timekeeping import IDLE, Act, AskThere, Drove, End, FoundThere, Fr
 from sessions.turns import LIVE, change_lease, end, fix_terms, load_scene, rules_of
 
 
-def tick(robot: Robot, link: Link, now: datetime.datetime) -> tuple[Act, ...]:
-    """Do what is due at one robot and return what was really done."""
-    scene = load_scene(robot, now)
+def tick(robot: Robot, link: Link, now: datetime.datetime, scene: Scene | None = None) -> tuple[Act, ...]:
+    """Do what is due at one robot and return what was really done; `scene` by whoever has read those of many at once."""
+    scene = load_scene(robot, now) if scene is None else scene
     return tuple(act for act in decide_tick(scene, link, rules_of(robot), now.timestamp()) if _perform(act, scene, link, robot, now))
 
 

@@ -23,7 +23,7 @@ from sessions.models import Lease, Session, SessionEvent
 from sessions.record_items import CloseItem
 from sessions.ticks import tick
 from sessions.timekeeping import ANSWER_SECONDS, Act, AskThere, Drove, End, FoundThere, Link, Move, Offer, SetTurn, Warn
-from sessions.turns import LIVE, lease_message, load_scene, rules_of
+from sessions.turns import LIVE, lease_message, load_scene, load_scenes, rules_of
 
 logger = logging.getLogger(__name__)
 
@@ -74,10 +74,12 @@ class Timekeeper:
             now: aware.
         """
         queues = set(Session.objects.filter(state=Session.State.WAITING).values_list("robot_id", flat=True))
-        for robot in self._busy_robots():
+        robots = self._busy_robots()
+        scenes = load_scenes(robots, now)
+        for robot in robots:
             link = replace(links.get(robot.name, default), asked=self._asked.get(robot.name))
             with log_ids.about(robot=robot.name):
-                for act in tick(robot, link, now):
+                for act in tick(robot, link, now, scenes[robot.pk]):
                     self._tell(act, robot, now)
                 if robot.pk in queues:
                     self._tell_places(robot, now)

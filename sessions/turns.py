@@ -16,6 +16,7 @@ ended visit, which counts as free, and never a visit that seems to have lost its
 """
 
 import datetime
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -329,14 +330,31 @@ def _least(*limits: float | None) -> float | None:
 
 
 def load_scene(robot: Robot, now: datetime.datetime) -> Scene:
-    """Read what a decision about the robot looks at: sessions first, then the lease (see the top)."""
-    visits = [visit_of(session) for session in Session.objects.filter(robot=robot, state__in=LIVE)]
-    lease = Lease.objects.filter(robot=robot).first()
-    hold = Hold(0) if lease is None else Hold(lease.epoch, str(lease.session_id) if lease.session_id else None, lease.peer)
-    if hold.session is not None and hold.session not in {visit.id for visit in visits}:
-        # Perhaps it began after the sessions were read.
-        visits += [visit_of(session) for session in Session.objects.filter(pk=hold.session, state__in=LIVE)]
-    return Scene(hold, tuple(visits), robot.enabled, robot.is_online(now), pause_of(robot), lease.changed_at.timestamp() if lease else 0.0)
+    """Read what a decision about the robot looks at."""
+    return load_scenes([robot], now)[robot.pk]
+
+
+def load_scenes(robots: Sequence[Robot], now: datetime.datetime) -> dict[Any, Scene]:
+    """Read what decisions about robots look at, by the robots' keys, in as many queries as for one: sessions first, then leases (see the top)."""
+    keys = [robot.pk for robot in robots]
+    visits: dict[Any, dict[str, Visit]] = {key: {} for key in keys}
+    for session in Session.objects.filter(robot__in=keys, state__in=LIVE):
+        visits[session.robot_id][str(session.pk)] = visit_of(session)
+    leases = {lease.robot_id: lease for lease in Lease.objects.filter(robot__in=keys)}
+    # Whoever has a robot and was not among them perhaps began after they were read.
+    late = [lease.session_id for key, lease in leases.items() if lease.session_id and str(lease.session_id) not in visits[key]]
+    for session in Session.objects.filter(pk__in=late, state__in=LIVE) if late else ():
+        visits[session.robot_id][str(session.pk)] = visit_of(session)
+    pauses = _pauses_of(keys)
+    return {robot.pk: _scene(robot, leases.get(robot.pk), tuple(visits[robot.pk].values()), pauses.get(robot.pk, ""), now) for robot in robots}
+
+
+def _scene(robot: Robot, lease: Lease | None, visits: tuple[Visit, ...], pause: str, now: datetime.datetime) -> Scene:
+    online = robot.is_online(now)
+    if lease is None:
+        return Scene(Hold(0), visits, robot.enabled, online, pause)
+    hold = Hold(lease.epoch, str(lease.session_id) if lease.session_id else None, lease.peer)
+    return Scene(hold, visits, robot.enabled, online, pause, lease.changed_at.timestamp())
 
 
 def _moment(unix: float) -> datetime.datetime:
@@ -345,8 +363,15 @@ def _moment(unix: float) -> datetime.datetime:
 
 def pause_of(robot: Robot) -> str:
     """Return why a robot is not ready for a visit, empty when it is; read anew, because another process may just have sent it home."""
-    row = Robot.objects.filter(pk=robot.pk).values_list("held", "returns_home", "turnaround", "turnaround_reason").first()
-    held, returns, phase, reason = row or ("", False, "", "")
+    return _pauses_of([robot.pk]).get(robot.pk, "")
+
+
+def _pauses_of(keys: Sequence[Any]) -> dict[Any, str]:
+    rows = Robot.objects.filter(pk__in=keys).values_list("pk", "held", "returns_home", "turnaround", "turnaround_reason")
+    return {key: _pause(held, returns, phase, reason) for key, held, returns, phase, reason in rows}
+
+
+def _pause(held: str, returns: bool, phase: str, reason: str) -> str:  # noqa: FBT001 -- a row
     if held:
         return f"{Robot.Turnaround.PAUSED}: {held}"
     return f"{phase}: {reason}" if returns and phase != Robot.Turnaround.READY else ""
