@@ -40,7 +40,8 @@ class StandingOrders:
     def look(self, now: datetime.datetime) -> list[Letter]:
         """Return what has changed since the last look; everything at the first one."""
         letters = []
-        maps = {key: (sha256, plan) for key, sha256, plan in FloorPlan.objects.values_list("pk", "sha256", "plan")}
+        plans = FloorPlan.objects.values_list("pk", "sha256", "plan")
+        maps = {key: (f"{sha256} {plan}" if sha256 else "", plan) for key, sha256, plan in plans}
         held = {lease.robot_id: lease.session for lease in Lease.objects.filter(session__state__in=LIVE).select_related("session") if lease.session}
         for robot in Robot.objects.only("name", "assist", "doors", "floor_plan", "calls"):
             told = self._told.get(robot.name)
@@ -48,14 +49,14 @@ class StandingOrders:
                 told = self._told[robot.name] = _Told(_doors_before(robot))
             session = held.get(robot.pk)
             fixed = terms.of(session) if session is not None else FREE
-            sha256, plan = maps.get(robot.floor_plan_id, ("", {}))
+            content, plan = maps.get(robot.floor_plan_id, ("", {}))
             config = _config(robot, session, fixed, _untouched(told.doors | set(fixed.doors), plan))
             told.doors |= set(fixed.doors)
             if told.config != config:
                 told.config = config
                 letters.append(_retained(robot.name, "config", codec.encode(_stamped(config, now))))
-            if sha256 and told.floor_plan != f"{sha256} {plan}":
-                told.floor_plan = f"{sha256} {plan}"
+            if content and told.floor_plan != content:
+                told.floor_plan = content
                 update = FloorPlan.objects.get(pk=robot.floor_plan_id).as_message()
                 letters.append(_retained(robot.name, "floorplan", codec.encode(update)))
         return letters
