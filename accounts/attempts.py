@@ -1,11 +1,12 @@
 """How often an address may try something in a while; counted in the cache, which several processes share when it is Redis."""
 
-import ipaddress
 from dataclasses import dataclass
 
 from django.conf import settings
 from django.core.cache import cache
 from django.http import HttpRequest
+
+from accounts.client_address import counted, visitor_address
 
 
 @dataclass(frozen=True)
@@ -34,18 +35,6 @@ class Attempts:
 
 
 def address_of(request: HttpRequest) -> str:
-    """Return the client's address: the last one in X-Forwarded-For that is not a proxy of ours, when a proxy of ours says so."""
-    address = str(request.META.get("REMOTE_ADDR", ""))
-    for forwarded in reversed(request.META.get("HTTP_X_FORWARDED_FOR", "").split(",")):
-        if not _is_trusted(address):
-            break
-        address = forwarded.strip() or address
-    return address
-
-
-def _is_trusted(address: str) -> bool:
-    try:
-        parsed = ipaddress.ip_address(address)
-    except ValueError:  # a Unix socket, or nonsense in the header
-        return False
-    return any(parsed in ipaddress.ip_network(network, strict=False) for network in settings.TRUSTED_PROXIES)
+    """Return for whom a request counts: the last address in X-Forwarded-For that is not a proxy of ours, when a proxy of ours says so."""
+    told = request.META.get("HTTP_X_FORWARDED_FOR", "")
+    return counted(visitor_address(told, str(request.META.get("REMOTE_ADDR", "")), settings.TRUSTED_PROXIES))

@@ -9,6 +9,8 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from accounts.client_address import visitor_address
+
 OTHER = "other"
 _SYSTEMS = (("Android", "Android"), ("iPhone|iPad|iPod", "iOS"), ("Windows", "Windows"), ("Mac OS X|Macintosh", "Mac OS"), ("Linux|X11", "Linux"))
 _PLATFORMS = {"Windows": "Windows", "macOS": "Mac OS", "Linux": "Linux", "Android": "Android", "iOS": "iOS"}
@@ -71,25 +73,6 @@ def _browser(agent: str, brands: str) -> tuple[str, str]:
         if found := re.search(pattern, agent):
             return name, found.group(1)
     return OTHER, ""
-
-
-def visitor_address(forwarded: str, address: str, trusted_proxies: Iterable[str]) -> str:
-    """Return the address that the nearest untrusted party had: what stands left of it in X-Forwarded-For is only a claim."""
-    networks = [ipaddress.ip_network(proxy, strict=False) for proxy in trusted_proxies]
-    current = address
-    for hop in reversed([hop.strip() for hop in forwarded.split(",") if hop.strip()]):
-        if not _within(current, networks):
-            break
-        current = hop
-    return current
-
-
-def _within(address: str, networks: list[ipaddress.IPv4Network | ipaddress.IPv6Network]) -> bool:
-    try:
-        parsed = ipaddress.ip_address(address)
-    except ValueError:
-        return False
-    return any(parsed in network for network in networks)
 
 
 def network_of(address: str) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 from urllib.parse import urlsplit
 
-from sessions.devices import visitor_address
+from accounts.client_address import counted, visitor_address
 from sessions.rates import Bucket
 
 log = logging.getLogger(__name__)
@@ -145,8 +145,8 @@ class OpenLimit:
 
 
 def address_of(scope: dict[str, Any], trusted_proxies: list[str]) -> str:
-    """Return where whoever opened a socket is, as our proxies tell it; the empty string when nobody does."""
-    return visitor_address(_header(scope, b"x-forwarded-for"), (scope.get("client") or ("",))[0], trusted_proxies)
+    """Return for whom a socket counts, by where our proxies say that it comes from; the empty string when nobody does."""
+    return counted(visitor_address(_header(scope, b"x-forwarded-for"), (scope.get("client") or ("",))[0], trusted_proxies))
 
 
 def user_of(scope: dict[str, Any]) -> str:

@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Awaitable, Callable
 from typing import Any
 
+from accounts.client_address import counted
 from robots.broker import packets
 from robots.broker.hub import Hub, Session
 from robots.broker.packets import Acknowledgement, Connect, Disconnect, Packet, PingRequest, ProtocolError, Publish, Subscribe, Unsubscribe
@@ -39,7 +40,7 @@ class _Connection(asyncio.Protocol):
 
     def __init__(self, hub: Hub, authenticate: Authenticate, connections: "set[_Connection]", strangers: Counter[str]) -> None:
         self.hub, self.authenticate, self.connections, self.strangers = hub, authenticate, connections, strangers
-        self.address = "?"
+        self.address = self.household = "?"
         self.is_stranger = False
         self.session: Session | None = None
         self.is_ready = True
@@ -57,16 +58,17 @@ class _Connection(asyncio.Protocol):
         transport.set_write_buffer_limits(high=SEND_BUFFER)
         peer = transport.get_extra_info("peername")  # with TLS nobody knows it any more when the connection is lost
         self.address = str(peer[0]) if peer else "?"
+        self.household = counted(self.address)
         if len(self.connections) >= MAX_CONNECTIONS:
             logger.error("broker_connections_full")
             transport.abort()
             return
-        if self.strangers[self.address] >= MAX_STRANGERS:
+        if self.strangers[self.household] >= MAX_STRANGERS:
             logger.warning("broker_strangers_refused address=%s", self.address)
             transport.abort()
             return
         self.is_stranger = True
-        self.strangers[self.address] += 1
+        self.strangers[self.household] += 1
         self.connections.add(self)
 
     def connection_lost(self, _error: Exception | None) -> None:
@@ -80,9 +82,9 @@ class _Connection(asyncio.Protocol):
     def _no_longer_strange(self) -> None:
         if self.is_stranger:
             self.is_stranger = False
-            self.strangers[self.address] -= 1
-            if not self.strangers[self.address]:
-                del self.strangers[self.address]
+            self.strangers[self.household] -= 1
+            if not self.strangers[self.household]:
+                del self.strangers[self.household]
 
     def pause_writing(self) -> None:
         self.is_ready = False
@@ -304,7 +306,7 @@ class EmbeddedBroker:
         known = self._users.get(name)
         if known is not None and self._verifier.knows(token, known.credential_hash, time.monotonic()):
             return known
-        if self._verifier.is_blocked(address, name, time.monotonic()):
+        if self._verifier.is_blocked(counted(address), name, time.monotonic()):
             logger.warning("broker_blocked user=%.80r address=%s", name, address)
             return None
         user = await self._verified(name, token)
@@ -312,7 +314,7 @@ class EmbeddedBroker:
             await self._refresh()  # perhaps the key is younger than our last look at the database
             user = await self._verified(name, token)
         if user is None:
-            self._verifier.note_failure(address, name, time.monotonic())
+            self._verifier.note_failure(counted(address), name, time.monotonic())
             logger.warning("broker_password_refused user=%.80r address=%s", name, address)
         return user
 

@@ -77,6 +77,14 @@ def test_whoever_keeps_guessing_waits_and_others_do_not(client, key, monkeypatch
     assert ask(client, "giraff", key.token, REMOTE_ADDR="192.0.2.7").status_code == 200
 
 
+def test_a_household_that_changes_its_address_waits_as_well(client, key, monkeypatch):
+    monkeypatch.setattr(views, "REFUSED", Attempts("test-refused", limit=3, seconds=10**9))
+    for number in range(3):
+        assert ask(client, "giraff", "wrong", REMOTE_ADDR=f"2001:db8::{number}").status_code == 401
+    assert ask(client, "giraff", key.token, REMOTE_ADDR="2001:db8::77").status_code == 429
+    assert ask(client, "giraff", key.token, REMOTE_ADDR="2001:db8:0:1::77").status_code == 200
+
+
 def test_a_forwarded_address_counts_only_from_a_trusted_proxy(rf, settings):
     settings.TRUSTED_PROXIES = ["10.0.0.1", "10.0.0.2/31"]
     forwarded = {"HTTP_X_FORWARDED_FOR": "6.6.6.6, 203.0.113.9, 10.0.0.2"}
