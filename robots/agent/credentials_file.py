@@ -1,5 +1,6 @@
 """The file with an agent's credentials: TOML that its owner alone can read, replaced whole."""
 
+import errno
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,6 +21,22 @@ def keep(path: Path, text: str) -> None:
     Raises:
         OSError: it cannot be written.
     """
+    _written(path, text).replace(path)
+
+
+def rehearse(path: Path) -> None:
+    """Do everything of `keep` but to put the file in its place.
+
+    Raises:
+        OSError: it could not be written.
+    """
+    _written(path, "").unlink()
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+
+
+def _written(path: Path, text: str) -> Path:
+    """Return where the text stands whole, beside the file."""
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_name(f"{path.name}.new")
     unfinished.unlink(missing_ok=True)  # of a write that was cut short, perhaps with other rights
@@ -28,7 +45,7 @@ def keep(path: Path, text: str) -> None:
         file.write(text)
         file.flush()
         os.fsync(file.fileno())
-    unfinished.replace(path)
+    return unfinished
 
 
 def changed(text: str, values: Mapping[str, str]) -> str:

@@ -53,13 +53,14 @@ def enrol_if_asked(
 
 
 def enrol(robot: str, server: str, token: str, path: Path, ca: str | None = None) -> None:
-    """Exchange a one-time token for credentials and keep them in a file.
+    """Exchange a one-time token for credentials and keep them in a file, which is tried before the token is spent.
 
     Raises:
         ConfigError: the server does not know the token (any more), is not reached, or the file cannot be written.
     """
     check_private(server)
     try:
+        credentials_file.rehearse(path)
         answer = _post(f"{server.rstrip('/')}{ENROL_PATH}", {"robot": robot, "token": token}, {}, ca)
         credentials_file.keep(path, credentials_file.toml(_lines(answer, robot) | {"server": server.rstrip("/")}))
     except ServerAwayError as error:

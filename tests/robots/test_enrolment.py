@@ -215,6 +215,21 @@ def test_a_token_is_spent_only_by_an_agent_that_can_start_with_what_it_brings(ro
     assert redeem("giraff", token, timezone.now()) is not None
 
 
+@pytest.mark.parametrize("broken", ["a folder stands there", "a file is in the way"])
+def test_a_token_is_not_spent_for_credentials_that_cannot_be_kept(broken, tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(agent_side, "_post", lambda *_: asked.append(1))
+    path = tmp_path / "here" / "giraff.toml"
+    if broken == "a folder stands there":
+        path.mkdir(parents=True)
+    else:
+        path.parent.write_text("")
+    with pytest.raises(ConfigError, match="cannot be kept in"):
+        agent_side.enrol("giraff", "https://site.example", "token", path)
+    assert not asked
+    assert not list(tmp_path.rglob("*.new"))
+
+
 def test_while_it_enrols_an_agent_believes_the_certificates_that_its_environment_names(tmp_path, monkeypatch):
     asked = []
     monkeypatch.setattr(agent_side, "_post", lambda _url, _content, _headers, ca: asked.append(ca) or {"robot": "giraff", "token": "t"})
