@@ -27,7 +27,7 @@ from robots.agent.equipment import Equipment, equipment_of
 from robots.agent.media import MediaSide
 from robots.agent.mqtt import Endpoint, MqttLink
 from robots.agent.priority import SECOND, set_nice
-from robots.agent.rendezvous import broker_urls
+from robots.agent.rendezvous import believed, broker_urls
 from robots.agent.store import Store
 from robots.agent.ways_out import Media
 from robots.api.messages import Capability, Factsheet
@@ -55,6 +55,7 @@ def _media(equipment: Equipment, config: AgentConfig, control: ControlLoop) -> M
         reply=control.reply,
         on_picture=control.publish_picture,
         outputs=equipment.outputs,
+        trust=believed(config.ca) if config.ca else None,
     )
 
 

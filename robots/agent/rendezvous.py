@@ -92,13 +92,19 @@ def trust(server: str, ca: str | None) -> ssl.SSLContext | None:
     """
     if not server.startswith("https://"):
         return None
+    return believed(ca)
+
+
+def believed(ca: str | None) -> ssl.SSLContext:
+    """Return whose certificates are believed: the system's, and those in the file `ca`.
+
+    Raises:
+        ConfigError: the file cannot be read.
+    """
+    context = ssl.create_default_context()
     try:
-        return ssl.create_default_context() if not ca else _with(ca)
+        if ca:
+            context.load_verify_locations(ca)
     except OSError as error:
         raise ConfigError(f"the certificates in {ca} cannot be read: {error.strerror or error}") from error
-
-
-def _with(ca: str) -> ssl.SSLContext:
-    context = ssl.create_default_context()
-    context.load_verify_locations(ca)
     return context

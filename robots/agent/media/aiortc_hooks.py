@@ -10,6 +10,7 @@ a name used here, and a test runs all of it against a real connection.
 import functools
 import queue
 import random
+import ssl
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -229,6 +230,14 @@ def speak_only(transceiver: RTCRtpTransceiver, codec: str) -> None:
     transceiver.setCodecPreferences(wanted)
 
 
+def believe(connection: RTCPeerConnection, context: ssl.SSLContext) -> None:
+    """Have a relay that is reached over TLS believed by `context`, before addresses are gathered; aiortc believes whom the system does."""
+    for transport in connection._RTCPeerConnection__iceTransports:  # type: ignore[attr-defined]
+        ice = transport.iceGatherer._connection
+        if ice.turn_ssl:
+            ice.turn_ssl = context
+
+
 class _Tap(queue.Queue[Any]):
     """Takes the place of the queue to aiortc's decoder, whose thread then sleeps until the end."""
 
@@ -274,6 +283,8 @@ def check() -> None:
     missing += [name for name in _RECEIVER_NAMES if f"_RTCRtpReceiver__{name}" not in receiver]
     missing += [] if hasattr(RTCRtpReceiver, "_send_rtcp_pli") else ["receiver._send_rtcp_pli"]
     missing += [] if hasattr(RTCRtpReceiver, "receive") else ["receiver.receive"]
+    missing += [] if "_RTCPeerConnection__iceTransports" in RTCPeerConnection.__init__.__code__.co_names else ["connection.iceTransports"]
+    missing += [] if "turn_ssl" in aioice.ice.Connection.__init__.__code__.co_names else ["ice.turn_ssl"]
     association = RTCSctpTransport.__init__.__code__.co_names  # what sctp.py takes hold of
     missing += [] if "_forward_tsn_chunk" in association else ["sctp._forward_tsn_chunk"]
     missing += [] if hasattr(RTCSctpTransport, "_update_advanced_peer_ack_point") else ["sctp._update_advanced_peer_ack_point"]

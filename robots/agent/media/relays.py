@@ -9,8 +9,10 @@ import asyncio
 import contextlib
 import logging
 import socket
+import ssl
 import time
 from collections.abc import Awaitable, Callable
+from functools import partial
 from typing import Any
 
 from aioice import stun, turn
@@ -30,13 +32,18 @@ FAILURES = (OSError, TimeoutError, ValueError, stun.TransactionError)
 Probe = Callable[[RTCIceServer], Awaitable[bool]]
 
 
-async def answers(server: RTCIceServer) -> bool:
-    """Tell whether the server's only address answers: a relay with a relayed address, an address server with anything."""
+async def answers(server: RTCIceServer, trust: ssl.SSLContext | None = None) -> bool:
+    """Tell whether the server's only address answers: a relay with a relayed address, an address server with anything.
+
+    Args:
+        server: of one address.
+        trust: whose certificates are believed over TLS, the system's when None.
+    """
     try:
         asked = connection_kwargs([server])
         async with asyncio.timeout(ANSWER_TIME):
             if "turn_server" in asked:
-                await _relayed(asked)
+                await _relayed(asked, trust)
             elif "stun_server" in asked:
                 await _told(asked["stun_server"])
             else:
@@ -47,13 +54,13 @@ async def answers(server: RTCIceServer) -> bool:
     return True
 
 
-async def _relayed(asked: dict[str, Any]) -> None:
+async def _relayed(asked: dict[str, Any], trust: ssl.SSLContext | None) -> None:
     transport, _ = await turn.create_turn_endpoint(
         asyncio.DatagramProtocol,
         server_addr=asked["turn_server"],
         username=asked["turn_username"],
         password=asked["turn_password"],
-        ssl=asked["turn_ssl"],
+        ssl=asked["turn_ssl"] and (trust or True),
         transport=asked["turn_transport"],
     )
     transport.close()
@@ -94,10 +101,12 @@ class Relays:
     Args:
         probe: finds out whether one answers.
         clock: monotonic seconds.
+        trust: as in `answers`.
     """
 
-    def __init__(self, probe: Probe = answers, clock: Callable[[], float] = time.monotonic) -> None:
-        self._probe, self._clock = probe, clock
+    def __init__(self, probe: Probe | None = None, clock: Callable[[], float] = time.monotonic, *, trust: ssl.SSLContext | None = None) -> None:
+        self.trust = trust
+        self._probe, self._clock = probe or partial(answers, trust=trust), clock
         self._known: dict[str, tuple[float, bool]] = {}
         self._tries: dict[str, asyncio.Task[bool]] = {}
 

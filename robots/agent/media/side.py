@@ -9,6 +9,7 @@ import asyncio
 import functools
 import logging
 import random
+import ssl
 import threading
 import time
 from collections.abc import Callable
@@ -53,6 +54,7 @@ class MediaSide:
         on_picture: called in a thread of its own, or on the media loop, with each picture for pages that WebRTC does not reach and the
             one peer that it is for, None for all who have asked; without it they get none.
         outputs: the robot's own loudspeaker and display.
+        trust: whose certificates are believed of a relay, those that the system believes when None.
     """
 
     def __init__(
@@ -65,11 +67,12 @@ class MediaSide:
         reply: Callable[[str, SignalReply], None],
         on_picture: Callable[[bytes, str | None], None] | None = None,
         outputs: Outputs = (None, None),
+        trust: ssl.SSLContext | None = None,
     ) -> None:
         aiortc_hooks.install()
         self._on_frame = on_frame
         self._pages = Connections(viewers, self._viewer_for, reply, self._lead)
-        self._relays = Relays()
+        self._relays = Relays(trust=trust)
         clock = RtpClock(origin=random.randrange(1 << 32))  # noqa: S311 -- RFC 3550 wants it random, SRTP does not depend on it
         self._camera: CameraFeed | PageCamera | None = None
         if video == FROM_PAGE:

@@ -117,6 +117,8 @@ class PageConnection:
 
     async def _gather(self, connection: RTCPeerConnection) -> None:
         """Find our own addresses, of which the answer is made; a server that answered lately and is silent now holds that up, but once."""
+        if self.relays.trust is not None:
+            aiortc_hooks.believe(connection, self.relays.trust)
         began = time.monotonic()
         await connection.setLocalDescription(await connection.createAnswer())
         if time.monotonic() - began > LONG_GATHERING:

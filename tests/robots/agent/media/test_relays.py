@@ -3,10 +3,12 @@
 import asyncio
 
 import pytest
-from aiortc import RTCIceServer
+from aiortc import RTCConfiguration, RTCIceServer, RTCPeerConnection
 
 from robots.agent.media.relays import FAILURE_HOLDS, HOLDS, Relays, answers
-from robots.api.messages import IceServer
+from robots.agent.media.signalling import PageConnection
+from robots.agent.rendezvous import believed
+from robots.api.messages import IceServer, Offer
 from tests.support.coturn import Coturn
 from tests.support.site import free_port
 
@@ -102,6 +104,19 @@ async def test_what_is_doubted_is_asked_for_again():
 
 def as_aiortc(server: IceServer) -> RTCIceServer:
     return RTCIceServer(urls=list(server.urls), username=server.username, credential=server.credential)
+
+
+async def test_a_relay_over_tls_is_believed_by_the_certificates_that_the_agent_was_given(tmp_path):
+    with Coturn(tmp_path) as coturn:
+        page = RTCPeerConnection(RTCConfiguration(iceServers=[]))
+        page.createDataChannel("control")
+        await page.setLocalDescription(await page.createOffer())
+        offer = Offer(sdp=page.localDescription.sdp, ice_servers=(coturn.server("tls"),))
+        for trust, is_relayed in ((None, False), (believed(str(coturn.ca)), True)):
+            connection = PageConnection("ada", None, None, lambda _: None, lambda: None, lambda: None, relays=Relays(trust=trust))
+            assert ("typ relay" in await connection.answer(offer)) is is_relayed
+            await connection.close()
+        await page.close()
 
 
 async def test_the_real_coturn_answers_by_udp_tcp_and_tls_who_has_its_credentials(tmp_path, monkeypatch):
