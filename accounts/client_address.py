@@ -25,13 +25,18 @@ def _within(address: str, networks: list[ipaddress.IPv4Network | ipaddress.IPv6N
     return any(parsed in network for network in networks)
 
 
+def parsed(address: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    """Return an address without its zone, one of IPv4 as such however it is written, or None for what is none."""
+    try:
+        found = ipaddress.ip_address(address.partition("%")[0])
+    except ValueError:
+        return None
+    return found.ipv4_mapped or found if isinstance(found, ipaddress.IPv6Address) else found
+
+
 def counted(address: str) -> str:
     """Return for whom an address counts: one of IPv4 for itself, one of IPv6 for its household; what is none stays as it is."""
-    try:
-        parsed = ipaddress.ip_address(address.partition("%")[0])
-    except ValueError:
+    found = parsed(address)
+    if found is None:
         return address
-    if parsed.version == 4:  # noqa: PLR2004 -- IP version
-        return str(parsed)
-    mapped = parsed.ipv4_mapped
-    return str(mapped) if mapped is not None else str(ipaddress.ip_network((parsed, HOUSEHOLD), strict=False))
+    return str(found) if found.version == 4 else str(ipaddress.ip_network((found, HOUSEHOLD), strict=False))  # noqa: PLR2004 -- IP version

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from accounts.client_address import visitor_address
+from accounts.client_address import parsed, visitor_address
 
 OTHER = "other"
 _SYSTEMS = (("Android", "Android"), ("iPhone|iPad|iPod", "iOS"), ("Windows", "Windows"), ("Mac OS X|Macintosh", "Mac OS"), ("Linux|X11", "Linux"))
@@ -77,10 +77,7 @@ def _browser(agent: str, brands: str) -> tuple[str, str]:
 
 def network_of(address: str) -> str:
     """Return an address cut to /24 or /48, or the empty string for what is none."""
-    try:
-        parsed = ipaddress.ip_address(address.partition("%")[0])
-    except ValueError:
+    found = parsed(address)
+    if found is None:
         return ""
-    if isinstance(parsed, ipaddress.IPv6Address) and parsed.ipv4_mapped is not None:
-        parsed = parsed.ipv4_mapped
-    return str(ipaddress.ip_network((parsed, 24 if parsed.version == 4 else 48), strict=False))  # noqa: PLR2004 -- IP versions
+    return str(ipaddress.ip_network((found, 24 if found.version == 4 else 48), strict=False))  # noqa: PLR2004 -- IP versions

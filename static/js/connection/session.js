@@ -126,6 +126,9 @@ const askAgain = (visit) => {
   return visit.wanted === "watch" ? [send("session/observe")] : [];
 };
 
+/** @param {Visit} visit @returns {Effect[]} */
+const leaveAgain = ({ unsaid }) => (unsaid ? [send("session/leave", unsaid)] : []);
+
 /** @param {Visit} visit @param {Partial<Visit>} [changes] @returns {[Partial<Visit>, Effect[]]} */
 const ask = (visit, changes = {}) => {
   const next = { ...visit, wanted: /** @type {const} */ ("drive"), phase: /** @type {const} */ ("taking"), ...changes };
@@ -156,7 +159,7 @@ const HANDLERS = {
   loaded: (visit, { session, takeover, go }) =>
     session || go ? ask(visit, { session: session ?? null, returning: Boolean(session), takeover: Boolean(takeover), fresh: Boolean(go) }) : [{}],
 
-  socket_open: (visit) => [{ socket: "open" }, [...(visit.unsaid ? [send("session/leave", visit.unsaid)] : []), ...askAgain(visit)]],
+  socket_open: (visit) => [{ socket: "open" }, [...leaveAgain(visit), ...askAgain(visit)]],
   socket_lost: () => [{ socket: "lost" }],
   socket_closed: (visit, { code }) => {
     const reason = FINAL.get(code);
@@ -256,11 +259,7 @@ const HANDLERS = {
   },
 
   /** The server has not answered for a while, or could not do it just then. */
-  no_answer: (visit) => {
-    const { unsaid } = visit;
-    const again = [...(unsaid ? [send("session/leave", unsaid)] : []), ...(visit.phase === "taking" ? askAgain(visit) : [])];
-    return [{}, visit.socket === "open" ? again : []];
-  },
+  no_answer: (visit) => [{}, visit.socket === "open" ? [...leaveAgain(visit), ...(visit.phase === "taking" ? askAgain(visit) : [])] : []],
   denied: (_visit, { message }) => [message.suffix === "session/leave" && message.reason !== "unavailable" ? { unsaid: null } : {}],
 
   drive: (visit) => ask(visit, { session: null, peer: null, takeover: false, returning: false, reason: "" }),
