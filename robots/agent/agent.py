@@ -163,8 +163,6 @@ class Agent:
         try:
             user = (self._config.user or self._config.robot) if self._config.token else None
             return Endpoint.of(url, user, self._config.token, self._config.ca)
-        except OSError as error:
-            raise ConfigError(f"the certificates in {self._config.ca} cannot be read: {error.strerror or error}") from error
         except ValueError as error:
             raise ConfigError(str(error)) from error
 

@@ -23,6 +23,7 @@ from paho.mqtt.reasoncodes import ReasonCode
 
 from robots.agent.backoff import Backoff
 from robots.agent.outbox import Letter, Outbox, letter
+from robots.agent.rendezvous import believed
 from robots.api import codec, topics
 from robots.api.errors import Rejection
 from robots.api.messages import Connection, Factsheet
@@ -71,22 +72,17 @@ class Endpoint:
         """Read `mqtt://`, `mqtts://`, `ws://` or `wss://host:port/path`; `ca` is a file of certificates to trust besides the system's.
 
         Raises:
-            ValueError: not such an address; one sentence.
+            ValueError: not such an address, or the file cannot be read; one sentence.
         """
         parts = urlsplit(url)
         if parts.scheme not in PORTS or not parts.hostname:
             raise ValueError(f"the broker's address is mqtt://, mqtts://, ws:// or wss://host:port, not {url!r}")
-        context = None
-        if parts.scheme in {"mqtts", "wss"}:
-            context = ssl.create_default_context()
-            if ca:
-                context.load_verify_locations(ca)
         web = parts.scheme in {"ws", "wss"}
         return cls(
             host=parts.hostname,
             port=parts.port or PORTS[parts.scheme],
             transport="websockets" if web else "tcp",
-            tls=context,
+            tls=believed(ca) if parts.scheme in {"mqtts", "wss"} else None,
             path=(parts.path or "/mqtt") if web else None,
             username=username or (unquote(parts.username) if parts.username else None),
             password=password or (unquote(parts.password) if parts.password else None),
