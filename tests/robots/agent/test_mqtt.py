@@ -276,7 +276,7 @@ def test_an_address_names_transport_port_and_path():
     assert (web.port, web.transport, web.path) == (443, "websockets", "/bus")
     assert isinstance(web.tls, ssl.SSLContext)
     assert Endpoint.of("mqtts://u%40x:p@[::1]:1").username == "u@x"
-    with pytest.raises(ValueError, match="the certificates in /nowhere.pem cannot be read: "):
+    with pytest.raises(ValueError, match=r"the certificates in /nowhere\.pem cannot be read: "):
         Endpoint.of("mqtts://broker.example", ca="/nowhere.pem")
     for wrong in ("http://x", "broker:1883", "mqtt://", "mqtt://host:notaport"):
         with pytest.raises(ValueError):
