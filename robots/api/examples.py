@@ -43,7 +43,7 @@ _STATE = m.State(
     refused={"stale": 2, "old_seq": 1},
     assist_why="obstacle",
     assist_point=(0.6, -0.1),
-    call=m.CallState(status="accepted", audio=True, video=True, volume=0.5),
+    call=m.CallState(status="accepted", audio=True, video=True, volume=0.5, shares=True),
     screens=1,
     control_network=m.LabReport(
         lab=m.NetworkLab(delay=0.1, jitter=0.02, loss=0.01, reorder=0.005, seed=7), taken=400, lost=5, reordered=2, waiting=3, held=0.101
@@ -101,6 +101,10 @@ EXAMPLES: dict[str, dict[str, m.Message]] = {
         "full": m.Words(
             stamp=_STAMP, action_id="a1", session=_SESSION, by="driver", who="Ana", text="Hola, ¿qué tal?", language="es", aloud=True
         ),
+    },
+    "pointer": {
+        "gone": m.Pointer(stamp=_STAMP, by="screen"),
+        "there": m.Pointer(stamp=_STAMP, by="driver", at=(0.25, 0.875)),
     },
     "heartbeat": {
         "least": m.Heartbeat(n=7, stamp=_STAMP),
@@ -163,6 +167,7 @@ EXAMPLES: dict[str, dict[str, m.Message]] = {
         "say": m.Say(**_WHOLE, text="Hola, ¿qué tal?", language="es"),
         "say-least": m.Say(**_ASKED, role="screen", text="Hello!", aloud=False),
         "call": m.Call(**_WHOLE, audio=True, video=True, volume=0.5),
+        "call-screen": m.Call(**_WHOLE, video=True, shares=True),
         "call-end": m.Call(**_WHOLE, ringing=False),
         "answer_call": m.AnswerCall(**_ASKED, role="screen", accept=True),
         "resend_states": m.ResendStates(**_ASKED, role="server", boot="b7f3", first=10, last=20),
@@ -170,6 +175,11 @@ EXAMPLES: dict[str, dict[str, m.Message]] = {
     "command/picture": {
         "least": m.PictureRequest(stamp=_STAMP),
         "full": m.PictureRequest(stamp=_STAMP, peer="p1", seen=_STAMP - 0.2, round_trip=0.03),
+    },
+    "command/point": {
+        "gone": m.PointCommand(stamp=_STAMP),
+        "there": m.PointCommand(stamp=_STAMP, at=(0.25, 0.875), session=_SESSION, epoch=12),
+        "at-screen": m.PointCommand(stamp=_STAMP, at=(0.0, 1.0), role="screen", peer="p2"),
     },
     "signal/+": {
         "offer": m.Offer(sdp="v=0\r\n", role="driver", session=_SESSION, epoch=12, who="Ana", ice_servers=(_ICE,)),

@@ -30,6 +30,7 @@ Id = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{1,64}$")]
 Name = Annotated[str, Meta(max_length=120)]
 Reason = Annotated[str, Meta(max_length=300)]
 Point = tuple[Metres, Metres]
+Spot = tuple[Share, Share]  # of a picture: of its width from the left, and of its height from the top
 Variance = Annotated[float, Meta(ge=-1e10, le=1e10)]
 
 Role = Literal["driver", "observer", "screen"]
@@ -38,8 +39,8 @@ Way = Literal["datachannel", "mqtt"]
 Mode = Literal["manual", "assisted", "goto", "docking", "stopped"]
 AssistLevel = Literal["off", "slow", "steer"]
 Capability = Literal[
-    "velocity", "goto", "follow", "dock", "undock", "tilt", "relocalize", "localization", "scan", "assist", "photo", "say", "call", "audio",
-    "video", "doors", "network_lab",
+    "velocity", "goto", "follow", "dock", "undock", "tilt", "relocalize", "localization", "scan", "assist", "photo", "say", "call", "point",
+    "audio", "video", "doors", "network_lab",
 ]  # fmt: skip
 ActionState = Literal["WAITING", "RUNNING", "FINISHED", "FAILED", "CANCELLED"]
 
@@ -168,12 +169,16 @@ class TiltRange(Message, frozen=True, kw_only=True):
 
 
 class CallState(Message, frozen=True, kw_only=True):
-    """How far a visitor is let through to the people at the robot: `audio` and `video` are what the visitor sends, `volume` their wish."""
+    """How far a visitor is let through to the people at the robot: `audio` and `video` are what the visitor sends, `volume` their wish.
+
+    `shares`: the picture is of the visitor's screen, a window or a tab, and not of their face.
+    """
 
     status: Literal["ringing", "accepted", "declined", "unanswered"]
     audio: bool = False
     video: bool = False
     volume: Share = 1.0
+    shares: bool = False
 
 
 class NetworkLab(Message, frozen=True, kw_only=True):
@@ -348,6 +353,19 @@ class Words(Message, frozen=True, kw_only=True):
     aloud: bool = False
 
 
+class Pointer(Message, frozen=True, kw_only=True):
+    """`pointer`: where one side points on the picture that the driver shares, for the other side; without `at` no longer.
+
+    `at` is in shares of the picture's width from its left and of its height from its top, however large it is shown. What comes out of
+    order is dropped, and two seconds without another take the dot away. On the data channel it goes to the other side alone: to the
+    robot's own displays what the driver points at, to the driver what somebody at a display does. Nobody records it.
+    """
+
+    stamp: Stamp
+    by: Literal["driver", "screen"]
+    at: Spot | None = None
+
+
 class Echo(Message, frozen=True, kw_only=True):
     """What was last heard from a peer: its own n and stamp, and when it arrived by the echoing side's clock."""
 
@@ -432,6 +450,22 @@ class CommandHeartbeat(Message, frozen=True, kw_only=True):
     peer: Id = "page"
     echo: Echo | None = None
     frame_age: Seconds | None = None
+
+
+class PointCommand(Message, frozen=True, kw_only=True):
+    """`command/point`: where a hand is on the picture that the driver shares, at most 20 times a second; without `at` it is gone.
+
+    From the driver's page and from the robot's own displays; `at` as in `pointer`. The robot passes it on while the driver is let
+    through with a shared picture, and counts the rest. The server stamps `role`, `peer`, `session` and `epoch`; on the data channel
+    `role` and `peer` are ignored. Of one peer the newest `stamp` counts.
+    """
+
+    stamp: Stamp
+    at: Spot | None = None
+    role: Literal["driver", "screen"] = "driver"
+    peer: Id = "page"
+    session: Id | None = None
+    epoch: Count = 0
 
 
 class Action(Message, frozen=True, kw_only=True):
@@ -522,13 +556,14 @@ class Say(Action, frozen=True, kw_only=True, tag_field="type", tag="say"):
 class Call(Action, frozen=True, kw_only=True, tag_field="type", tag="call"):
     """What the driver wants to be heard and seen by at the robot, whenever that changes; `ringing` false hangs up.
 
-    `volume` is how loud the visitor wants to be there, of what the robot's own volume allows.
+    `volume` is how loud the visitor wants to be there, of what the robot's own volume allows; `shares` as in `state`.
     """
 
     ringing: bool = True
     audio: bool = False
     video: bool = False
     volume: Share = 1.0
+    shares: bool = False
 
 
 class AnswerCall(Action, frozen=True, kw_only=True, tag_field="type", tag="answer_call"):

@@ -43,6 +43,7 @@ TABLE: tuple[Topic, ...] = (
     Topic("event", "from_robot", m.Event, 1, False, 4 * KIB, "what happened once"),
     Topic("action", "from_robot", m.ActionStatus, 1, False, 4 * KIB, "how far an action is"),
     Topic("words", "from_robot", m.Words, 1, False, 4 * KIB, "what visitor and people at the robot write to each other"),
+    Topic("pointer", "from_robot", m.Pointer, 0, False, KIB, "where one side points on the picture that the driver shares, for the other"),
     Topic("heartbeat", "from_robot", m.Heartbeat, 0, False, 4 * KIB, "5 Hz, with the echo of each peer"),
     Topic("signal/+/reply", "from_robot", m.SignalReply, 1, False, 128 * KIB, "WebRTC answer, candidate, bye"),
     Topic("photo/+", "from_robot", bytes, 1, False, 512 * KIB, "a JPEG"),
@@ -55,12 +56,14 @@ TABLE: tuple[Topic, ...] = (
     Topic("command/heartbeat", "to_robot", m.CommandHeartbeat, 0, False, KIB, "5 Hz from the driver's page and from the server"),
     Topic("command/action", "to_robot", m.AnyAction, 1, False, 64 * KIB, "everything else that a robot can be asked to do"),
     Topic("command/picture", "to_robot", m.PictureRequest, 0, False, KIB, "one more picture, for a page that WebRTC does not reach"),
+    Topic("command/point", "to_robot", m.PointCommand, 0, False, KIB, "where a hand is on the picture that the driver shares"),
     Topic("signal/+", "to_robot", m.Signal, 1, False, 128 * KIB, "WebRTC offer, candidate, bye, and the server's word that a page may stay"),
 )
 
 # On the data channel a frame is the suffix, a newline, and the message. These travel there besides the broker's own.
 DATA_CHANNEL_ONLY: tuple[Topic, ...] = (Topic("media", "from_robot", m.MediaClock, 0, False, KIB, "RTP timestamp to capture stamp"),)
-FROM_PAGE = ("command/velocity", "command/heartbeat", "command/action", "command/picture")
+FROM_PAGE = ("command/velocity", "command/heartbeat", "command/action", "command/picture", "command/point")
+# To every page; `pointer` goes to one side alone, and is none of these.
 TO_PAGE = ("state", "pose", "path", "scan", "event", "action", "heartbeat", "media")
 
 

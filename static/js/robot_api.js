@@ -142,7 +142,13 @@ const TO_PAGE = {
       assistWhy: optional(name, ""),
       assistPoint: absent(point),
       call: absent(
-        object({ status: oneOf("ringing", "accepted", "declined", "unanswered"), audio: optional(flag, false), video: optional(flag, false), volume: optional(share, 1) }),
+        object({
+          status: oneOf("ringing", "accepted", "declined", "unanswered"),
+          audio: optional(flag, false),
+          video: optional(flag, false),
+          volume: optional(share, 1),
+          shares: optional(flag, false),
+        }),
       ),
       screens: optional(count, 0),
     }),
@@ -160,6 +166,7 @@ const TO_PAGE = {
       aloud: optional(flag, false),
     }),
   ],
+  pointer: [KIB, object({ stamp, by: oneOf("driver", "screen"), at: absent(tuple(share, share)) })],
   pose: [KIB, object({ stamp, pose, velocity, tilt: absent(radians), assistWhy: optional(name, ""), assistPoint: absent(point) })],
   scan: [
     32 * KIB,
@@ -269,7 +276,7 @@ const TO_PAGE = {
 };
 
 /** The suffixes that a robot's data channel may carry to a page. */
-export const ON_DATA_CHANNEL = new Set(["state", "pose", "path", "scan", "event", "action", "heartbeat", "media"]);
+export const ON_DATA_CHANNEL = new Set(["state", "pose", "path", "scan", "event", "action", "heartbeat", "pointer", "media"]);
 
 /**
  * @param {string} suffix

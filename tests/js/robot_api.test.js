@@ -5,7 +5,7 @@ import { test } from "node:test";
 import { Rejection, decode, decodeFrame, encodeFrame } from "../../static/js/robot_api.js";
 
 const golden = (name) => JSON.parse(readFileSync(new URL(`../golden/${name}.json`, import.meta.url), "utf8"));
-const TOPICS = ["factsheet", "state", "pose", "scan", "path", "event", "action", "words", "heartbeat", "media", "signal-reply"];
+const TOPICS = ["factsheet", "state", "pose", "scan", "path", "event", "action", "words", "pointer", "heartbeat", "media", "signal-reply"];
 const WIRE = golden("wire");
 
 /** Every field that the sender wrote and this page knows must come out as it was written. */
