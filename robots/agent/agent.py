@@ -175,13 +175,13 @@ def new_boot(unix: float) -> str:
 def capabilities_of(adapter: Adapter, equipment: Equipment) -> tuple[Capability, ...]:
     """Return what the robot can do: the adapter's, and what the agent does by itself.
 
-    Picture and sound by what there is, photos with a picture; words and calls, which every robot's screen can show; a worse network for
-    the driver.
+    Picture and sound by what there is, photos with a picture; words, calls and dots on what is shared, which every robot's screen can
+    show; a worse network for the driver.
     """
     sees: tuple[Capability, ...] = ("video", "photo") if equipment.video is not None else ()
     hears: tuple[Capability, ...] = ("audio",) if equipment.audio is not None else ()
     own = tuple(name for name in adapter.profile.capabilities if name not in {"video", "audio"})
-    ours: tuple[Capability, ...] = (*sees, *hears, "say", "call", "network_lab")
+    ours: tuple[Capability, ...] = (*sees, *hears, "say", "call", "point", "network_lab")
     return (*own, *(name for name in ours if name not in own))
 
 

@@ -69,12 +69,17 @@ class Calls:
         status = self._status
         if status == "ringing":
             status = "accepted" if self.rule == "accept" else "unanswered" if now - self._since > RINGS else "ringing"
-        return CallState(status=status, audio=call.audio, video=call.video, volume=call.volume)
+        return CallState(status=status, audio=call.audio, video=call.video, volume=call.volume, shares=call.shares)
 
     def passing(self, lease: Lease | None, now: float) -> Passing:
         """Return what is let through."""
         state = self.state(lease, now)
         return Passing(state.audio, state.video, state.volume) if state is not None and state.status == "accepted" else NOTHING
+
+    def shows_screen(self, lease: Lease | None, now: float) -> bool:
+        """Tell whether the people at the robot see a screen that the visitor shares, and may point at what is on it."""
+        state = self.state(lease, now)
+        return state is not None and state.status == "accepted" and state.video and state.shares
 
     def _of(self, lease: Lease | None) -> Call | None:
         return self._call if lease is not None and (lease.session, lease.epoch) == (self._session, self._epoch) else None

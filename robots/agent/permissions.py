@@ -18,6 +18,7 @@ from robots.api.messages import (
     Goto,
     Lease,
     Photo,
+    PointCommand,
     Relocalize,
     ResendStates,
     Role,
@@ -73,7 +74,7 @@ class Sender:
     role: Role = "observer"
 
 
-def role_of(action: Action, sender: Sender, lease: Lease | None) -> str:
+def role_of(action: Action | PointCommand, sender: Sender, lease: Lease | None) -> str:
     """Return the role that counts: on a data channel the page's own word is worth nothing, its peer is, and that it is the robot's screen."""
     if sender.way == "mqtt":
         return action.role

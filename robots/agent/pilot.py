@@ -20,6 +20,7 @@ from robots.agent.lab.in_force import CLEAN, Networks, in_force, is_held
 from robots.agent.lab.timed import TimedLine
 from robots.agent.motion import ZERO
 from robots.agent.permissions import Sender
+from robots.agent.pointing import Pointing
 from robots.agent.reports import Reports
 from robots.agent.safety import Kernel
 from robots.agent.store import Store
@@ -40,6 +41,8 @@ from robots.api.messages import (
     Lease,
     Offer,
     PictureRequest,
+    PointCommand,
+    Pointer,
     Role,
     Signal,
     Stay,
@@ -76,7 +79,7 @@ class Pilot:
         self._kernel, self._adapter, self._media = parts.kernel, parts.adapter, parts.media
         self._store, self._times, self._spawn = parts.store, parts.times, spawn
         self.out = WaysOut(parts.link, parts.media)
-        self._calls, self._passing = Calls(), NOTHING
+        self._calls, self._passing, self._pointing = Calls(), NOTHING, Pointing()
         self._own_networks, self._networks = parts.networks, CLEAN
         self._line: TimedLine | None = None
         self.reports = Reports(
@@ -124,6 +127,8 @@ class Pilot:
                 self._signal(suffix, message, retained=retained)
             case PictureRequest() if not retained:
                 self._media.picture_wanted(message)
+            case PointCommand() if not retained:
+                self._point(message.peer, message, sender)
             case Config():
                 self._configure(message)
             case FloorPlanUpdate():
@@ -163,6 +168,8 @@ class Pilot:
                 self._travel(message, sender)
             case CommandHeartbeat():
                 self._heartbeat(peer, message, sender)
+            case PointCommand():
+                self._point(peer, message, sender)
             case _:
                 log.warning("frame_refused suffix=%s peer=%s", suffix, peer)
                 self.rejected("not_from_server")
@@ -274,6 +281,13 @@ class Pilot:
         now = self._times.now()
         self._kernel.clocks.heard(peer, sender.way, beat, now=now, unix=self._times.unix())
         self._kernel.heard(peer, now)
+
+    def _point(self, peer: str, command: PointCommand, sender: Sender) -> None:
+        """Pass on where one side points; neither the kernel nor the record has to do with it."""
+        lease, now = self._driver(), self._times.now()
+        by = self._pointing.take(peer, command, sender, lease, shown=self._calls.shows_screen(lease, now), now=now)
+        if by is not None:
+            self.out.point(Pointer(stamp=self._times.unix(), by=by, at=command.at))
 
     def _lease(self, lease: Lease | None, *, retained: bool) -> None:
         kernel, now = self._kernel, self._times.now()

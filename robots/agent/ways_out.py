@@ -5,7 +5,7 @@ from typing import Any, Protocol
 from robots.agent.adapters.contract import Frame
 from robots.agent.mqtt import Inbox
 from robots.api import codec, picture, topics
-from robots.api.messages import LabReport, Message, NetworkLab, PictureRequest, Signal
+from robots.api.messages import LabReport, Message, NetworkLab, PictureRequest, Pointer, Signal
 
 
 class Link(Protocol):
@@ -47,6 +47,9 @@ class Media(Protocol):
     def telemetry(self, suffix: str, message: Message) -> None:
         """Send a message to every page that is connected."""
 
+    def point(self, pointer: Pointer) -> None:
+        """Send where one side points to the pages of the other that are connected."""
+
     def picture_wanted(self, request: PictureRequest) -> None:
         """Send one more picture through the server."""
 
@@ -77,6 +80,11 @@ class WaysOut:
         self._link.publish(suffix, codec.encode(message))
         if suffix in topics.TO_PAGE:
             self._media.telemetry(suffix, message)
+
+    def point(self, pointer: Pointer) -> None:
+        """Send where one side points to the other: to the server, which knows who that is, and to its pages that are connected."""
+        self._link.publish("pointer", codec.encode(pointer))
+        self._media.point(pointer)
 
     def record(self, suffix: str, payload: bytes) -> None:
         """Send what only the broker takes: a state said again, a photo."""

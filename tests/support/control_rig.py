@@ -23,7 +23,7 @@ class ListeningMedia:
     """A media side (ways_out.Media) that keeps what it is told."""
 
     def __init__(self):
-        self.signals, self.drivers, self.told, self.wanted = [], [], [], []
+        self.signals, self.drivers, self.told, self.wanted, self.pointed = [], [], [], [], []
         self.picture = Frame(np.random.default_rng(1).integers(0, 255, (48, 64, 3), dtype=np.uint8), 123.0)
         self.connected, self.screens, self.passing, self.network = 0, 0, [], None
 
@@ -47,6 +47,9 @@ class ListeningMedia:
 
     def telemetry(self, suffix, message):
         self.told.append((suffix, message))
+
+    def point(self, pointer):
+        self.pointed.append(pointer)
 
     def picture_wanted(self, request):
         self.wanted.append(request)

@@ -8,7 +8,7 @@ import itertools
 import logging
 import time
 from collections.abc import Callable, Coroutine, Iterator
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
@@ -188,6 +188,12 @@ class Connections:
         for peer, viewer in self._viewers.items():
             own = tuple(echo for echo in heartbeat.echoes if echo.peer == peer)
             viewer.send(encode_frame(suffix, msgspec.structs.replace(heartbeat, echoes=own)))
+
+    def point(self, by: Literal["driver", "screen"], frame: str) -> None:
+        """Send a frame of one side to the other: the robot's own displays, or the driver."""
+        for peer, viewer in self._viewers.items():
+            if (peer in self._screens) if by == "driver" else self.drives(peer):
+                viewer.send(frame)
 
     def lead(self, line: TimedLine | None) -> None:
         """Lead what the driver is sent over the line, and what everybody else is sent straight to them."""

@@ -33,7 +33,7 @@ from robots.agent.media.telemetry import for_page
 from robots.agent.media.viewer import Viewer
 from robots.agent.media.visitor import VisitorMedia
 from robots.api.codec import encode_frame
-from robots.api.messages import Heartbeat, LabReport, Message, NetworkLab, PictureRequest, Role, Signal, SignalReply
+from robots.api.messages import Heartbeat, LabReport, Message, NetworkLab, PictureRequest, Pointer, Role, Signal, SignalReply
 
 log = logging.getLogger(__name__)
 
@@ -138,6 +138,11 @@ class MediaSide:
             self._post(self._pages.send_heartbeat, suffix, message)
         else:
             self._post(self._pages.send, encode_frame(suffix, for_page(message)))
+
+    def point(self, pointer: Pointer) -> None:
+        """Send where one side points to the other alone: the driver's page, or the robot's own displays; dropped for a page that is behind."""
+        if not self._pages.is_empty:
+            self._post(self._pages.point, pointer.by, encode_frame("pointer", pointer))
 
     def picture_wanted(self, request: PictureRequest) -> None:
         """Send one more picture through the server, for a page that WebRTC does not reach; nothing happens without a camera."""

@@ -82,7 +82,7 @@ class BrokenRobot(ScriptedRobot):
 def test_an_agent_comes_online_reports_and_says_offline(broker, ear, tmp_path):
     with RunningAgent(config(broker, tmp_path)):
         sheet = ear.wait("factsheet")
-        assert sheet.capabilities == (*ScriptedRobot().profile.capabilities, "call", "network_lab")  # these are the agent's
+        assert sheet.capabilities == (*ScriptedRobot().profile.capabilities, "call", "point", "network_lab")  # these are the agent's
         assert sheet.limits.deadman == 0.3
         assert ear.wait("state", lambda s: s.pose.x == 1.0).boot == sheet.boot
     assert ear.wait("connection", lambda c: c.state == "OFFLINE").boot == sheet.boot

@@ -31,6 +31,21 @@ def test_where_the_owner_says_so_a_visitor_is_through_at_once():
     assert calls.passing(lease(), 0.0) == Passing(audio=True, video=False, volume=0.5)
 
 
+def test_a_screen_is_shown_while_it_is_let_through_and_a_face_never():
+    calls = Calls()
+    calls.rule = "ask"
+    calls.ask(call(shares=True), lease(), 0.0)
+    assert not calls.shows_screen(lease(), 0.0)
+    calls.answer(accept=True, lease=lease(), now=1.0)
+    assert calls.shows_screen(lease(), 1.0)
+    assert not calls.shows_screen(lease(epoch=2), 1.0)
+    assert not calls.shows_screen(None, 1.0)
+    calls.ask(call(shares=True, video=False), lease(), 2.0)
+    assert not calls.shows_screen(lease(), 2.0)
+    calls.ask(call(), lease(), 3.0)
+    assert (calls.shows_screen(lease(), 3.0), calls.passing(lease(), 3.0).video) == (False, True)
+
+
 def test_where_somebody_must_answer_nothing_passes_until_they_do():
     calls = Calls()
     calls.rule = "ask"

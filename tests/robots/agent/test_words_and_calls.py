@@ -99,3 +99,67 @@ def test_the_screen_stops_the_robot_and_lets_go_of_its_own_stop_alone(rig):
 def test_a_screen_does_not_drive(rig):
     rig.act(m.Goto(**at_screen(1), x=1.0, y=1.0))
     assert outcome(rig, 1) == ("FAILED", "observer")
+
+
+# --- dots on what the driver shares ------------------------------------------------------------------------------------
+
+
+def point(rig, stamp, *, way="datachannel", peer="p1", role="driver", **fields):
+    command = m.PointCommand(**{"stamp": stamp, "at": (0.25, 0.75), "session": "s1", "epoch": 1, "peer": peer, "role": role, **fields})
+    if way == "mqtt":
+        rig.link.say("command/point", command)
+    else:
+        rig.frame("command/point", command, peer=peer, role=role)
+
+
+def shares(rig):
+    rig.act(m.Call(**asked(1), video=True, shares=True), way="datachannel")
+    assert outcome(rig, 1) == ("FINISHED", "")
+
+
+def dots(rig):
+    return [(dot.by, dot.at) for dot in rig.link.all("pointer")]
+
+
+def test_what_each_side_points_at_goes_to_the_server_and_to_the_pages_and_moves_nothing(rig):
+    shares(rig)
+    rig.wait(lambda: rig.link.all("state")[-1].call == m.CallState(status="accepted", video=True, shares=True))
+    point(rig, 10.0)
+    point(rig, 10.1, at=None)
+    rig.wait(lambda: len(rig.media.pointed) == 2)
+    point(rig, 5.0, way="mqtt", peer="screen-1", role="screen", at=(1.0, 0.0), session=None, epoch=0)
+    rig.wait(lambda: len(rig.media.pointed) == 3)
+    point(rig, 5.1, peer="screen-1", role="screen", at=(0.0, 0.0), session=None, epoch=0)
+    wanted = [("driver", (0.25, 0.75)), ("driver", None), ("screen", (1.0, 0.0)), ("screen", (0.0, 0.0))]
+    rig.wait(lambda: [(dot.by, dot.at) for dot in rig.media.pointed] == wanted)
+    assert dots(rig) == wanted
+    assert all(abs(dot.stamp - time.time()) < 60.0 for dot in rig.media.pointed), "by the robot's own clock"
+    assert "pointer" not in {suffix for suffix, _ in rig.media.told}, "what goes to everybody"
+    assert all(velocity.linear == velocity.angular == 0.0 for _, velocity in rig.robot.velocities())
+
+
+def test_nobody_points_at_a_face_or_at_what_nobody_has_let_through(rig):
+    rig.link.say("config", m.Config(stamp=time.time(), calls="ask"))
+    shares(rig)
+    point(rig, 10.0)
+    rig.act(m.AnswerCall(**at_screen(2), accept=True))
+    rig.wait(lambda: rig.media.passing)
+    rig.act(m.Call(**asked(3), video=True), way="datachannel")
+    assert outcome(rig, 3) == ("FINISHED", "")
+    point(rig, 11.0)
+    point(rig, 12.0, way="mqtt", peer="screen-1", role="screen", session=None, epoch=0)
+    rig.act(m.Call(**asked(4), video=True, shares=True), way="datachannel")
+    assert outcome(rig, 4) == ("FINISHED", "")
+    point(rig, 13.0, at=(0.5, 0.5))
+    rig.wait(lambda: dots(rig))
+    assert dots(rig) == [("driver", (0.5, 0.5))]
+
+
+def test_dots_of_those_who_watch_and_stored_ones_go_nowhere_and_are_no_refused_commands(rig):
+    shares(rig)
+    point(rig, 10.0, peer="somebody", role="observer")
+    rig.link.say("command/point", m.PointCommand(stamp=10.0, at=(0.1, 0.1), session="s1", epoch=1, peer="p1"), retained=True)
+    point(rig, 11.0)
+    rig.wait(lambda: dots(rig))
+    assert dots(rig) == [("driver", (0.25, 0.75))]
+    assert not any(state.refused for state in rig.link.all("state")[-4:])

@@ -11,7 +11,7 @@ import pytest
 from robots.agent.media import signalling
 from robots.agent.media.rtp import capture_stamp
 from robots.api.codec import encode_frame
-from robots.api.messages import Bye, Candidate, CommandHeartbeat, Echo, Heartbeat, Offer, PoseUpdate, Stay
+from robots.api.messages import Bye, Candidate, CommandHeartbeat, Echo, Heartbeat, Offer, Pointer, PoseUpdate, Stay
 from tests.support.loopback_peer import LoopbackPage, until
 from tests.support.synthetic_camera import TICKS_PER_SECOND, apart, code_of, read_code
 
@@ -298,6 +298,21 @@ async def test_a_heartbeat_tells_each_page_its_own_echo_alone(media, new_page) -
     for page in pages:
         own = tuple(echo for echo in echoes if echo.peer == page.peer)
         await until(lambda page=page, own=own: ("heartbeat", Heartbeat(n=3, stamp=2.0, echoes=own)) in page.messages)
+
+
+async def test_where_one_side_points_is_told_to_the_other_alone(media, new_page) -> None:
+    driver, watcher, screen = pages = [new_page(peer, decode=False) for peer in ("p1", "p2", "screen")]
+    media.lease_changed("p1")
+    for page, role in zip(pages, ("driver", "observer", "screen"), strict=True):
+        await page.connect(role)
+    from_driver, from_screen = Pointer(stamp=5.0, by="driver", at=(0.25, 0.75)), Pointer(stamp=6.0, by="screen")
+    media.point(from_driver)
+    media.point(from_screen)
+    media.telemetry("heartbeat", Heartbeat(n=9, stamp=7.0))
+    for page in pages:
+        await until(lambda page=page: any(suffix == "heartbeat" for suffix, _ in page.messages))
+    dots = [[message for suffix, message in page.messages if suffix == "pointer"] for page in (driver, watcher, screen)]
+    assert dots == [[from_screen], [], [from_driver]]
 
 
 async def test_telemetry_that_a_page_cannot_take_is_dropped_not_queued(media, new_page) -> None:
