@@ -41,8 +41,8 @@ log = logging.getLogger(__name__)
 
 # The floor plan, which is large, is not among them.
 LISTENED = (
-    "connection", "factsheet", "state", "pose", "scan", "path", "event", "action", "words", "heartbeat", "picture", "picture/+", "lease",
-    "signal/+/reply",
+    "connection", "factsheet", "state", "pose", "scan", "path", "event", "action", "words", "pointer", "heartbeat", "picture", "picture/+",
+    "lease", "signal/+/reply",
 )  # fmt: skip
 STOP_SECONDS = 3.0
 MAX_FLYING = 500

@@ -205,10 +205,10 @@ class RobotConsumer(DirectConsumer):
         elif picture.is_picture(letter.suffix):
             if isinstance(letter.frame, bytes) and picture.is_for(letter.suffix, self.room.peer) and self.room.may_see_picture(self.known.lease):
                 self.outbox.put_picture(letter.frame)
-        elif letter.suffix == "words":
-            # What visitor and people at the robot write to each other is no business of those who watch.
-            if isinstance(letter.frame, str) and self.room.holds(self.known.lease):
-                self.outbox.put(relay.Outgoing(letter.frame))
+        elif (out := relay.for_driver(letter)) is not None:
+            # What visitor and people at the robot write to each other, and where they point, is no business of those who watch.
+            if self.room.holds(self.known.lease) and self.sparing.passes(letter.suffix, time.monotonic()):
+                self.outbox.put(out)
         elif self.sparing.passes(letter.suffix, time.monotonic()) and (out := relay.relayed(letter, self.room.peer)) is not None:
             self.outbox.put(out)
         if letter.suffix in {"lease", "state"}:

@@ -7,7 +7,7 @@ import msgspec
 
 from robots.api import topics
 from robots.api.codec import encode_frame
-from robots.api.messages import Heartbeat, Message, ServerNews
+from robots.api.messages import Heartbeat, Message, Pointer, ServerNews
 from robots.bridge.delivery import LINK, Letter
 from robots.bridge.known import KnownRobot
 from sessions import wire
@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 TELEMETRY = frozenset({"state", "pose", "path", "scan", "heartbeat"})
 KEPT = frozenset({"event", "action"})
 # What a page that hears its robot directly is spared; of states it gets one now and then, in case the direct way falls silent.
-SPARED = frozenset({"pose", "scan"})
+SPARED = frozenset({"pose", "scan", "pointer"})
 STATE_SECONDS = 1.9  # states come four times a second: every eighth
 # Why a robot is not there, in `robot`.
 BROKER_AWAY = "server"
@@ -66,6 +66,26 @@ def relayed(letter: Letter, peer: str) -> Outgoing | None:
             return Outgoing(letter.frame, droppable=suffix in TELEMETRY)
         case Letter(suffix=suffix) if suffix == f"{wire.SIGNAL}/{peer}/reply":
             return outgoing("signal/reply", letter.message)
+    return None
+
+
+def for_driver(letter: Letter) -> Outgoing | None:
+    """Return what a robot says to whoever drives it alone: words, and where somebody at its display points; None for all the rest."""
+    match letter:
+        case Letter(suffix="words", frame=str() as frame):
+            return Outgoing(frame)
+        case Letter(message=Pointer(by="screen"), frame=str() as frame):
+            return Outgoing(frame, droppable=True)
+    return None
+
+
+def for_screen(letter: Letter) -> Outgoing | None:
+    """Return what a robot says to its own display, where the driver points among it; None for what is none of its business."""
+    match letter:
+        case Letter(suffix="state" | "action" | "words" as suffix, frame=str() as frame):
+            return Outgoing(frame, droppable=suffix == "state")
+        case Letter(message=Pointer(by="driver"), frame=str() as frame):
+            return Outgoing(frame, droppable=True)
     return None
 
 

@@ -28,6 +28,7 @@ from robots.api.messages import (
     Offer,
     Photo,
     PictureRequest,
+    PointCommand,
     Relocalize,
     ResendStates,
     Stop,
@@ -202,6 +203,8 @@ class Room:
                 return Publish(suffix, self._stamp_action(message, lease))
             case PictureRequest():
                 return self._picture(message, lease)
+            case PointCommand():
+                return self._point(suffix, message, lease)
             case Offer() | Candidate() | Bye():
                 return Publish(f"signal/{self.peer}", self._stamp_signal(message, lease))
             case wire.PageEvent() | wire.PageNetwork():
@@ -217,6 +220,8 @@ class Room:
             passes = self._allowance.stop(now)
         elif isinstance(message, wire.PageEvent | wire.PageNetwork):
             passes = self._allowance.report(now)
+        elif isinstance(message, PointCommand):
+            passes = self._allowance.point(now)
         else:
             passes = self._allowance.other(now) and (not isinstance(message, Photo) or self._allowance.photo(now))
         if not passes:
@@ -237,6 +242,11 @@ class Room:
             raise Refused("not_driver" if self.standing == "driver" else "no_role")
         self.awaits_picture = True
         return Publish("command/picture", msgspec.structs.replace(request, peer=self.peer), wanted=False)
+
+    def _point(self, suffix: str, command: PointCommand, lease: Lease | None) -> Publish:
+        self._check_driver(lease)
+        stamped = msgspec.structs.replace(command, role="driver", peer=self.peer, session=self.session, epoch=self.epoch)
+        return Publish(suffix, stamped, wanted=False)
 
     def _stamp_stop(self, action: Stop | EStop, lease: Lease | None) -> Stop | EStop:
         if self.holds(lease):

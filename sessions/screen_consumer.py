@@ -27,7 +27,6 @@ from sessions.terms import of as terms_of
 
 log = logging.getLogger(__name__)
 
-SHOWN = frozenset({"state", "action", "words"})
 LOOK_EVERY = 2.0  # s between two looks at a lease that may have run out
 WELCOME_EVERY = 60.0  # s between two looks at the key
 
@@ -89,10 +88,11 @@ class ScreenConsumer(DirectConsumer):
     def _perform(self, room: ScreenRoom, effects: tuple[Effect, ...]) -> None:
         for effect in effects:
             match effect:
-                case Publish(suffix, message):
+                case Publish(suffix, message, wanted):
                     # The robot knows the server's clock, and not the display's.
                     stamped = msgspec.structs.replace(message, stamp=time.time()) if isinstance(message, Action) else message
-                    if self.known.online is False or not self.bridge.send(self.name, suffix, stamped):
+                    reachable = self.known.online is not False and self.bridge.send(self.name, suffix, stamped)
+                    if wanted and not reachable:
                         self._perform(room, room.deny(suffix, "robot_unreachable", time.monotonic()))
                 case Halt(message):
                     self.bridge.send_stop(self.name, message)
@@ -110,9 +110,8 @@ class ScreenConsumer(DirectConsumer):
             presence = relay.presence(self.known, link=letter.message is not False if letter.suffix == LINK else True)
             if presence is not None:
                 self.outbox.post("robot", presence)
-        elif letter.suffix in SHOWN:
-            assert isinstance(letter.frame, str)
-            self.outbox.put(relay.Outgoing(letter.frame, droppable=letter.suffix == "state"))
+        elif (shown := relay.for_screen(letter)) is not None:
+            self.outbox.put(shown)
         elif letter.suffix == "lease":
             self.visitor_changed.set()
         elif (out := relay.relayed(letter, self.room.peer)) is not None and letter.suffix.startswith(wire.SIGNAL):

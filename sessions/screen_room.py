@@ -1,13 +1,14 @@
 """Who may say what from a robot's own display: the rules of that page's connection, without a socket, a broker or a database.
 
-A screen shows the visitor, answers a call, writes to the visitor, and stops the robot. It never drives, and says all of it as the screen.
+A screen shows the visitor, answers a call, writes to the visitor, points at what the visitor shares, and stops the robot. It never drives,
+and says all of it as the screen.
 """
 
 from typing import Any
 
 import msgspec
 
-from robots.api.messages import AnswerCall, Bye, Candidate, ClearEStop, EStop, IceServer, Lease, Offer, Say, Stop
+from robots.api.messages import AnswerCall, Bye, Candidate, ClearEStop, EStop, IceServer, Lease, Offer, PointCommand, Say, Stop
 from sessions.room import Effect, Halt, Publish, Refused, Room
 
 
@@ -30,6 +31,9 @@ class ScreenRoom(Room):
                 return Halt(self._as_screen(message))
             case Say() | AnswerCall() | ClearEStop():
                 return Publish(suffix, self._as_screen(message))
+            case PointCommand():
+                stamped = msgspec.structs.replace(message, role="screen", peer=self.peer, session=None, epoch=0)
+                return Publish(suffix, stamped, wanted=False)
             case Offer():
                 offer = Offer(sdp=message.sdp, role="screen", who=self.who, ice_servers=self.ice_servers)
                 return Publish(f"signal/{self.peer}", offer)

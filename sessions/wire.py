@@ -1,9 +1,9 @@
 """What a page and the server say to each other on the WebSocket, beside Robot API v1.
 
 A frame is a suffix, a newline, and a JSON object in camelCase, as on the data channel. Suffixes of the Robot API mean the same
-here as on MQTT: the page sends `command/velocity`, `command/heartbeat`, `command/action`; the server relays `state`, `pose`,
-`path`, `scan`, `event`, `action`, `heartbeat`. This file has the rest. The page's own idea of role, session, epoch or peer is
-never used: the server stamps what the lease says.
+here as on MQTT: the page sends `command/velocity`, `command/heartbeat`, `command/action`, `command/picture`, `command/point`; the
+server relays `state`, `pose`, `path`, `scan`, `event`, `action`, `heartbeat`, and to whom they concern `words` and `pointer`. This file
+has the rest. The page's own idea of role, session, epoch or peer is never used: the server stamps what the lease says.
 """
 
 from typing import Annotated, Any, Literal

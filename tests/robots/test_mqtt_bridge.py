@@ -265,3 +265,22 @@ async def test_a_picture_reaches_listeners_whole_and_what_is_none_is_counted(rig
         assert letter.frame == b"picture\n" + picture.pack(12.5, jpeg)
         assert bridge.counts["malformed"] == 1
         assert bridge.counts["oversized"] == 1
+
+
+async def test_dots_travel_both_ways_and_are_kept_for_nobody(rig):
+    dot, command = m.Pointer(stamp=1.0, by="screen", at=(0.25, 0.75)), m.PointCommand(stamp=1.0, at=(0.5, 0.5), session="s1", epoch=3, peer="p1")
+    async with bridge_of(rig) as bridge, robot_of(rig) as robot:
+        ear = Ear()
+        await listen(bridge, ear)
+        assert bridge.send("giraff", "command/point", command)
+        await say(robot, "pointer", dot, qos=0)
+        await until(lambda: ear.heard("pointer") and robot.got)
+        assert (ear.heard("pointer"), robot.got) == ([dot], [("command/point", command, False)])
+        later = Ear()
+        async with bridge_of(rig, seed=2) as second, robot_of(rig) as returned:
+            await listen(second, later)
+            await say(robot, "state", words.state(seq=1))
+            assert second.send("giraff", "signal/p1", m.Bye(reason="left"))
+            await until(lambda: later.heard("state") and returned.got)
+    assert later.heard("pointer") == []
+    assert [suffix for suffix, _, _ in returned.got] == ["signal/p1"]

@@ -277,11 +277,11 @@ def test_a_page_that_drove_over_its_socket_leaves_a_stop_behind_and_no_other_doe
 # --- whatever a page says --------------------------------------------------------------------------------------------
 
 SUFFIXES = st.sampled_from(
-    ["command/velocity", "command/heartbeat", "command/action", "signal", "session/take", "page/event", "lease", ""]
+    ["command/velocity", "command/heartbeat", "command/action", "command/point", "signal", "session/take", "page/event", "lease", ""]
 ) | st.text(max_size=20)
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(["type", "session", "epoch", "seq", "role", "sdp", "x"]), inner, max_size=6),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(["type", "session", "epoch", "seq", "role", "sdp", "x", "at", "stamp"]), inner, max_size=6),
     max_leaves=12,
 )  # fmt: skip
 FRAMES = (
@@ -295,6 +295,8 @@ MESSAGES = st.one_of(
     st.builds(lambda asked, role, user: ("command/action", msgspec.structs.replace(asked, role=role, user=user)),
               st.sampled_from([*DRIVERS_ACTIONS, action(m.Stop), action(m.EStop), action(m.ClearEStop)]),
               st.sampled_from(["driver", "observer", "screen", "staff", "owner", "server"]), st.sampled_from(["", "Mallory"])),
+    st.builds(lambda role, session, peer: ("command/point", m.PointCommand(stamp=1.0, role=role, session=session, peer=peer)),
+              st.sampled_from(["driver", "screen"]), st.sampled_from([None, "session-1"]), st.sampled_from(["peer-1", "x"])),
     st.builds(lambda role, session: ("signal", m.Offer(sdp="v=0", role=role, session=session)),
               st.sampled_from(["driver", "observer", "screen"]), st.sampled_from([None, "session-1"])),
 )  # fmt: skip
@@ -326,6 +328,8 @@ def test_nothing_that_a_page_says_of_itself_reaches_the_robot(said, place, opera
             assert place == "driver"
             assert (sent.session, sent.epoch) == (SESSION, 7)
             assert math.isfinite(sent.linear)
+        elif isinstance(sent, m.PointCommand):
+            assert (place, sent.role, sent.peer, sent.session, sent.epoch) == ("driver", "driver", PEER, SESSION, 7)
         else:
             assert (sent.session, sent.epoch) == ((SESSION, 7) if sent.role == "driver" else (None, 0))
             assert sent.role in {"driver" if place == "driver" else "observer", operator or "observer"}
@@ -392,3 +396,35 @@ def test_photos_which_are_kept_for_good_are_few_and_a_stop_still_passes():
     assert sum(isinstance(effects[0], Publish) for effects in taken if effects) == 11
     assert isinstance(say(room, "command/action", action(m.Stop, seq=1), now=3.0)[0], Halt)
     assert isinstance(say(room, "command/action", action(m.Photo, action_id="later"), now=10.0)[0], Publish)
+
+
+# --- dots on what the driver shares ----------------------------------------------------------------------------------
+
+DOT = m.PointCommand(stamp=5.0, at=(0.5, 0.25), role="screen", peer="somebody-else", **FORGED)
+
+
+def test_a_drivers_dot_carries_what_the_server_knows():
+    wanted = m.PointCommand(stamp=5.0, at=(0.5, 0.25), role="driver", peer=PEER, session=SESSION, epoch=7)
+    assert say(driver(), "command/point", DOT) == (Publish("command/point", wanted, wanted=False),)
+
+
+def test_nobody_points_without_driving():
+    assert say(observer(), "command/point", DOT) == (Deny("command/point", "observer"),)
+    assert say(Room("peer-3", "Eve"), "command/point", DOT) == (Deny("command/point", "not_driver"),)
+    assert say(driver(), "command/point", DOT, msgspec.structs.replace(LEASE, epoch=8)) == (Deny("command/point", "not_driver"),)
+
+
+@pytest.mark.parametrize("at", ["[1.5,0.5]", "[-0.1,0.5]", "[NaN,0.5]", "[0.5]", "0.5", '{"x":0.5,"y":0.5}'])
+def test_a_dot_that_is_not_on_the_picture_reaches_nobody(at):
+    frame = f'command/point\n{{"stamp":5.0,"at":{at}}}'
+    assert driver().receive(frame, LEASE, 0.0) == (Deny("command/point", "malformed"),)
+
+
+def test_twenty_dots_a_second_pass_and_none_of_them_takes_the_room_of_a_stop_or_of_words():
+    room = driver()
+    effects = [say(room, "command/point", msgspec.structs.replace(DOT, stamp=5.0 + n / 50), now=n / 50)[:1] for n in range(500)]
+    assert sum(isinstance(effect[0], Publish) for effect in effects if effect) == pytest.approx(210, abs=2)
+    assert isinstance(say(room, "command/action", action(m.Stop, seq=1), now=10.0)[0], Halt)
+    assert all(isinstance(say(room, "command/action", action(m.Say, text="hello", action_id=f"s{n}"), now=10.0)[0], Publish) for n in range(60))
+    steady = driver()
+    assert all(isinstance(say(steady, "command/point", DOT, now=n / 15)[0], Publish) for n in range(300))

@@ -164,6 +164,50 @@ async def test_what_a_screen_asks_reaches_the_robot_as_the_screens_and_on_the_se
         assert (await display.expect("denied")).reason == "not_allowed"
 
 
+async def test_each_side_is_told_where_the_other_points_and_nobody_else_is(bridge, robot, key):
+    ada = await sync_to_async(get_user_model().objects.create_user)("ada", display_name="Ada", password="x")
+    async with Display(key) as display, Page("giraff", ada) as page, Page("giraff", ada) as watching:
+        granted = await page.take()
+        await display.expect("screen", lambda shown: shown.visitor == "Ada")
+        await watching.say("session/observe", wire.Observe())
+        await watching.expect("session/observing")
+        await page.say("command/point", m.PointCommand(stamp=1.0, at=(0.5, 0.25), role="screen", peer="x"))
+        await watching.say("command/point", m.PointCommand(stamp=1.0, at=(0.5, 0.25), session=granted.session, epoch=granted.epoch))
+        assert (await watching.expect("denied")).reason == "observer"
+        await display.say("command/point", m.PointCommand(stamp=2.0, at=(0.1, 0.2)))
+        await until(lambda: len(bridge.commands("command/point")) == 2)
+        sent = {command.role: command for command in bridge.commands("command/point")}
+        assert (sent["driver"].peer, sent["driver"].session, sent["driver"].epoch) == (granted.peer, granted.session, granted.epoch)
+        assert (sent["screen"].session, sent["screen"].stamp) == (None, 2.0)
+        dots = {by: m.Pointer(stamp=3.0, by=by, at=(0.5, 0.25)) for by in ("driver", "screen")}
+        for dot in dots.values():
+            bridge.say("giraff", "pointer", dot)
+        assert await display.expect("pointer") == dots["driver"]
+        assert await page.expect("pointer") == dots["screen"]
+        for one in (display, page, watching):
+            await one.settle(bridge)
+            bridge.say("giraff", "state", words.state(seq=7))
+            await one.expect("state")
+        assert [len(one.told("pointer")) for one in (display, page, watching)] == [1, 1, 0]
+        # A page that hears its robot directly has it from there.
+        await page.say("page/direct", wire.Direct(direct=True))
+        await page.settle(bridge)
+        bridge.say("giraff", "pointer", dots["screen"])
+        bridge.say("giraff", "words", m.Words(stamp=1.0, action_id="a", session=granted.session, by="screen", text="Here"))
+        await page.expect("words")
+        assert len(page.told("pointer")) == 1
+
+
+async def test_a_dot_that_cannot_reach_the_robot_is_dropped_without_a_word(bridge, robot, key):
+    async with Display(key) as display:
+        await display.expect("screen")
+        bridge.connected = False
+        await display.say("command/point", m.PointCommand(stamp=2.0, at=(0.1, 0.2)))
+        await display.say("command/action", action(m.Say, text="hello"))
+        assert (await display.expect("denied")).suffix == "command/action"
+        assert len(display.told("denied")) == 1
+
+
 async def test_a_replaced_key_sends_the_display_away(bridge, robot, key, monkeypatch):
     from sessions import screen_consumer
 

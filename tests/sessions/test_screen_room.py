@@ -54,6 +54,14 @@ def test_an_offer_of_a_screen_is_an_offer_of_a_screen(room):
     assert effect == Publish("signal/peer-1", m.Offer(sdp="v=0", role="screen", who="Giraff", ice_servers=ICE))
 
 
+def test_a_screen_points_as_the_screen_and_twenty_times_a_second(room):
+    forged = m.PointCommand(stamp=5.0, at=(0.5, 0.25), role="driver", peer="p1", session="s", epoch=9)
+    stamped = m.PointCommand(stamp=5.0, at=(0.5, 0.25), role="screen", peer="peer-1")
+    assert say(room, "command/point", forged) == Publish("command/point", stamped, wanted=False)
+    effects = [room.receive(codec.encode_frame("command/point", forged), None, 1.0 + n / 50) for n in range(500)]
+    assert sum(isinstance(effect[0], Publish) for effect in effects if effect) == pytest.approx(210, abs=2)
+
+
 @pytest.mark.parametrize(
     ("suffix", "message"),
     [

@@ -2,6 +2,8 @@
 
 from sessions.relay import Sparing
 
+EVERYTHING = ("state", "pose", "scan", "path", "event", "action", "heartbeat")
+
 
 def test_a_page_gets_everything_until_it_hears_its_robot_directly():
     sparing = Sparing()
@@ -11,11 +13,9 @@ def test_a_page_gets_everything_until_it_hears_its_robot_directly():
 def test_a_page_that_hears_its_robot_gets_a_state_now_and_then_and_what_must_not_be_lost():
     sparing = Sparing()
     sparing.direct = True
-    passed = [
-        suffix for n in range(32) for suffix in ("state", "pose", "scan", "path", "event", "action", "heartbeat") if sparing.passes(suffix, 0.25 * n)
-    ]
+    passed = [suffix for n in range(32) for suffix in (*EVERYTHING, "pointer") if sparing.passes(suffix, 0.25 * n)]
     assert passed.count("state") == 4
-    assert passed.count("pose") == passed.count("scan") == 0
+    assert passed.count("pose") == passed.count("scan") == passed.count("pointer") == 0
     assert all(passed.count(suffix) == 32 for suffix in ("path", "event", "action", "heartbeat"))
 
 
@@ -25,4 +25,4 @@ def test_everything_comes_again_at_once_when_the_direct_way_falls_silent():
     assert sparing.passes("state", 1.0)
     assert not sparing.passes("state", 1.1)
     sparing.direct = False
-    assert all(sparing.passes(suffix, 1.2) for suffix in ("state", "pose", "scan"))
+    assert all(sparing.passes(suffix, 1.2) for suffix in ("state", "pose", "scan", "pointer"))

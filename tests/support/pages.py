@@ -38,7 +38,7 @@ def decode(frame):
     kind = wire.TO_PAGE.get(suffix)
     if kind is not None:
         return suffix, msgspec.json.decode(payload, type=kind)
-    assert suffix in {*topics.TO_PAGE, "words"}, suffix
+    assert suffix in {*topics.TO_PAGE, "words", "pointer"}, suffix
     return suffix, codec.decode(suffix, payload, "from_robot")
 
 
