@@ -240,6 +240,7 @@ const HANDLERS = {
     presence.action(message);
   },
   words: (message) => presence.said(message),
+  pointer: (message) => presence.pointed(message),
   factsheet: (message) => {
     steering.robotLimits = message.limits;
     store.update({ factsheet: message });
@@ -385,6 +386,9 @@ const sendOrder = (task) => {
   }
 };
 
+/** @param {{stamp: number, at: [number, number] | null}} dot */
+const sendPoint = (dot) => commands.binding && carrier.sendPoint(dot.stamp, { ...commands.binding, ...dot });
+
 guard((why) => {
   if (steering.enabled) {
     steering.letGo();
@@ -458,7 +462,7 @@ const act = (action) => {
 
 const controls = createControls(element, words, act);
 const study = createStudy({ store, config, words, element, map, report, sendOrder });
-const presence = createPresence({ store, config, words, element, report, sendOrder });
+const presence = createPresence({ store, config, words, element, report, sendOrder, sendPoint });
 const autonomy = createAutonomy({ store, words, element, map, act, sendOrder, sendAssist: (level) => socket.send(encodeFrame("session/assist", { level })) });
 const overlay = createOverlay({ store, element, steering, pictureStamp, stop: brake, report });
 const view = createView({

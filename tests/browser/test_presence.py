@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 
 import pytest
+from axe_playwright_python.async_playwright import Axe
 from playwright.async_api import Browser, Page, async_playwright
 
 from robots.api import messages as m
@@ -216,6 +217,163 @@ async def test_the_robots_own_page_gives_picture_and_sound_where_the_robot_has_n
         await evaluated(ana, COLOUR, is_green)
         await until(lambda: site.media.camera.status == site.media.microphone.status == "live")
         assert (await asyncio.to_thread(site.media.snapshot)).width >= 320
+    assert complaints == []
+
+
+# Where the middle of a dot is in the picture over which it lies: shares of the picture, without the bars beside it; null while there is none.
+SPOT = """() => {{
+  const [video, dot] = ["{video}", "{dot}"].map((selector) => document.querySelector(selector));
+  if (!dot.hasAttribute("data-on")) return null;
+  const [box, spot] = [video, dot].map((element) => element.getBoundingClientRect());
+  const scale = Math.min(box.width / video.videoWidth, box.height / video.videoHeight);
+  const [width, height] = [scale * video.videoWidth, scale * video.videoHeight];
+  const [left, top] = [box.left + (box.width - width) / 2, box.top + (box.height - height) / 2];
+  return [(spot.left + spot.width / 2 - left) / width, (spot.top + spot.height / 2 - top) / height];
+}}"""
+PLACE = """([selector, [x, y]]) => {
+  const video = document.querySelector(selector);
+  const box = video.getBoundingClientRect();
+  const scale = Math.min(box.width / video.videoWidth, box.height / video.videoHeight);
+  return [box.left + box.width / 2 + (x - 0.5) * scale * video.videoWidth, box.top + box.height / 2 + (y - 0.5) * scale * video.videoHeight];
+}"""
+# How far the layer of the dots is from the picture beneath, CSS pixels, after the page has changed its size.
+LAID = """() => {
+  const [video, layer] = ["#shared-video", "#shared-dots"].map((selector) => document.querySelector(selector));
+  const [box, over] = [video, layer].map((element) => element.getBoundingClientRect());
+  const scale = Math.min(box.width / video.videoWidth, box.height / video.videoHeight);
+  return Math.abs(over.width - scale * video.videoWidth) + Math.abs(over.height - scale * video.videoHeight);
+}"""
+NEAR = 0.02  # of the picture
+SMALL, LARGE = "#shared-video", "#video"
+LAYERS = {SMALL: "#shared-dots", LARGE: "#dots"}
+
+
+async def place(page: Page, video: str, at: tuple[float, float]) -> tuple[float, float]:
+    """Return where a spot of a picture is on the page, in CSS pixels."""
+    return tuple(await page.evaluate(PLACE, [video, at]))
+
+
+async def point(page: Page, video: str, side: str, at: tuple[float, float], *others: tuple[Page, str]) -> None:
+    """Move the mouse about a spot of a picture until the dot of a side is there, here and at the others: a hand never rests quite still."""
+    x, y = await place(page, video, at)
+    for step in range(int(patient(15) / 0.1)):
+        await page.mouse.move(x + step % 2, y)
+        await asyncio.sleep(0.1)
+        found = [await one.evaluate(SPOT.format(video=over, dot=f"{LAYERS[over]} .dot--{side}")) for one, over in ((page, video), *others)]
+        if all(spot and max(abs(spot[0] - at[0]), abs(spot[1] - at[1])) < NEAR for spot in found):
+            return
+    raise AssertionError(f"no dot at {at}; the last were {found}")
+
+
+async def no_dot(page: Page, side: str) -> None:
+    await page.wait_for_selector(f".dot--{side}:not([data-on])", state="attached", timeout=patient(15) * 1000)
+
+
+async def faults(page: Page) -> list[str]:
+    """Return what axe-core finds."""
+    return [f"{found['id']}: {found['nodes'][0]['html'][:120]}" for found in (await Axe().run(page)).response["violations"]]
+
+
+async def shown(browser: Browser, site: PresentRobotPage, complaints: list[str], **context) -> tuple[Page, Page]:
+    """Return the drive page and the robot's display, after a screen is shown and both can point at it."""
+    screen = await opened(browser, site.screen_url, complaints)
+    await screen.wait_for_selector("#face[data-live]")
+    page = await drives(browser, site, complaints, **context)
+    await page.click("#presence-volumes")
+    await page.click("#presence-share")
+    await page.wait_for_selector("text=They see your screen.")
+    await page.click("#presence-volumes")
+    await page.wait_for_selector("#shared-dots[data-open]", timeout=patient(15) * 1000)
+    await screen.wait_for_selector("#dots[data-open]", timeout=patient(15) * 1000)
+    for one, video in ((page, SMALL), (screen, LARGE)):
+        await evaluated(one, f"() => document.querySelector('{video}').videoWidth", lambda width: width > 0)
+    return page, screen
+
+
+async def test_what_either_side_points_at_is_seen_at_the_same_place_of_the_picture_at_both_ends_and_goes_away(chromium, site) -> None:
+    complaints: list[str] = []
+    page, screen = await shown(chromium, site, complaints)
+    assert await page.get_attribute("#shared", "hidden") is None
+    assert await screen.evaluate("() => getComputedStyle(document.querySelector('#video')).objectFit") == "contain"
+    before = len(site.applied)
+
+    # The mouse over the small picture, which never drives; a hand that rests is forgotten.
+    for at in [(0.25, 0.7), (0.9, 0.1)]:
+        await point(page, SMALL, "driver", at, (screen, LARGE))
+    assert await screen.text_content("#dots .dot--driver") == await page.text_content("#shared-dots .dot--driver") == "A"
+    await no_dot(screen, "driver")
+    await no_dot(page, "driver")
+
+    # A press, which stays for as long as it is held, and goes when it is lifted and the mouse is gone.
+    at = (0.4, 0.5)
+    await page.mouse.move(*await place(page, SMALL, at))
+    await page.mouse.down()
+    await point(page, SMALL, "driver", at, (screen, LARGE))
+    sent = len(site.pointed)
+    await until(lambda: len(site.pointed) >= sent + 3, 15)
+
+    # Meanwhile somebody there presses on the display: another dot, which is a ring.
+    there = (0.7, 0.3)
+    await screen.mouse.move(*await place(screen, LARGE, there))
+    await screen.mouse.down()
+    await point(screen, LARGE, "screen", there, (page, SMALL))
+    await kept(page, "pointing")
+    await kept(screen, "screen-pointing")
+    assert await faults(page) == await faults(screen) == []
+    await screen.mouse.up()
+    await page.mouse.up()
+    assert await page.evaluate("() => document.activeElement.id") == "viewport"
+    await page.mouse.move(*await place(page, "#viewport video", (0.5, 0.2)))
+    for one in (page, screen):
+        for side in ("driver", "screen"):
+            await no_dot(one, side)
+    assert "datachannel" in {way for way, _ in site.pointed}
+    assert site.pointed[-1][1].at is None
+    assert all(command.linear == command.angular == 0.0 for _, command in site.applied[before:])
+    assert site.asked[-1].shares is True
+
+    # The bars beside the picture are no picture.
+    counted = len(site.pointed)
+    box = await screen.locator("#video").bounding_box()
+    await screen.mouse.click(box["x"] + box["width"] / 2, box["y"] + 5)
+    await point(page, SMALL, "driver", (0.5, 0.5), (screen, LARGE))
+    assert {dot.by for _, dot in site.pointed[counted:]} == {"driver"}
+    await hold(page, "w", lambda: any(command.linear > 0 for _, command in site.applied[before:]))
+    await page.keyboard.up("w")
+
+    # Without a data channel dots come through the server.
+    site.deaf_to_channel = True
+    counted = len(site.pointed)
+    await point(page, SMALL, "driver", (0.2, 0.2), (screen, LARGE))
+    assert {way for way, _ in site.pointed[counted:]} == {"mqtt"}
+    site.deaf_to_channel = False
+
+    # Who shows nothing any more points at nothing.
+    await page.click("#presence-hang-up")
+    await page.wait_for_selector("#shared", state="hidden")
+    await screen.wait_for_selector("#dots:not([data-open])", state="attached")
+    assert complaints == []
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (1024, 560), (390, 844), (844, 390)])
+async def test_what_they_see_lies_neither_over_the_way_ahead_nor_over_anything_to_press(chromium, site, size) -> None:
+    complaints: list[str] = []
+    page, _ = await shown(chromium, site, complaints, reduced_motion="reduce")
+    await page.set_viewport_size({"width": size[0], "height": size[1]})
+    await evaluated(page, LAID, lambda apart: apart < 1.0)
+    at = (0.75, 0.25)
+    await point(page, SMALL, "driver", at)
+    await kept(page, f"pointing-{size[0]}")
+    preview, stage = await page.locator("#shared").bounding_box(), await page.locator("#viewport").bounding_box()
+    assert preview["width"] >= 90, "enough to point at"
+    assert preview["y"] + preview["height"] <= stage["y"] + stage["height"] / 2, "it lies over the way ahead"
+    assert preview["x"] >= stage["x"] + stage["width"] / 2
+    for selector in ("#stop", ".presence__bar", "#presence-note", "#tilt", "#map-panel", "#alert"):
+        other = await page.locator(selector).bounding_box()
+        apart = other is None or other["x"] >= preview["x"] + preview["width"] or other["x"] + other["width"] <= preview["x"]
+        apart = apart or other["y"] >= preview["y"] + preview["height"] or other["y"] + other["height"] <= preview["y"]
+        assert apart, f"it lies over {selector}"
+    assert await faults(page) == []
     assert complaints == []
 
 

@@ -208,6 +208,26 @@ describe("which way", () => {
     assert.deepEqual(one.sent.map(([way, , options]) => [way, options]), [["mqtt", { droppable: true }]]);
   });
 
+  test("a dot takes the way that commands take, one way alone, and is never kept for later", () => {
+    const dot = { session: "s1", epoch: 3, stamp: 1.15, at: [0.5, 0.25] };
+    const one = rig();
+    one.carrier.sendPoint(1, dot);
+    one.carrier.beat(1, null);
+    echo(one, "datachannel", 0, 1.1);
+    one.sent.length = 0;
+    one.carrier.sendPoint(1.15, dot);
+    one.carrier.sendPoint(1.65, dot);
+    assert.deepEqual(one.sent.map(([way, frame, options]) => [way, frame.split("\n")[0], options]), [
+      ["datachannel", "command/point", undefined],
+      ["mqtt", "command/point", { droppable: true }],
+    ]);
+    assert.deepEqual(JSON.parse(one.sent[0][1].split("\n")[1]), dot);
+    const behind = rig({ linkOpen: false });
+    behind.carrier.only = "datachannel";
+    behind.carrier.sendPoint(1, dot);
+    assert.deepEqual(behind.sent, []);
+  });
+
   test("a stop takes both ways at once, and so does every repetition", () => {
     const { carrier, sent } = rig();
     carrier.stop(1, "stop");

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { describe, test } from "node:test";
 
 import { Devices, troubleOf } from "../../static/js/presence/devices.js";
-import { callOf, isHeard, mustSay, newOwn, noteOf } from "../../static/js/presence/sending.js";
+import { callOf, isHeard, mustSay, newOwn, noteOf, previewOf } from "../../static/js/presence/sending.js";
 import { TalkKey } from "../../static/js/presence/talk_key.js";
 import { Tilting, stepOf } from "../../static/js/presence/tilt.js";
 import { sceneFor } from "../../static/js/screen/scene.js";
@@ -80,7 +80,30 @@ describe("a screen that is shown", () => {
     assert.equal(noteOf(own({ camera: "on", shares: true }), accepted, 1), "presence.shared");
     assert.equal(noteOf(own({ camera: "on", shares: true, mic: "on" }), accepted, 1), "presence.shared_heard");
     assert.equal(noteOf(own({ camera: "on", shares: true }), { ...accepted, status: "ringing" }, 1), "presence.ringing");
-    assert.deepEqual(callOf(own({ camera: "on", shares: true })), { ringing: true, audio: false, video: true, volume: 1 });
+    assert.deepEqual(callOf(own({ camera: "on", shares: true })), { ringing: true, audio: false, video: true, volume: 1, shares: true });
+  });
+});
+
+describe("what they see of a screen", () => {
+  const shared = own({ camera: "on", shares: true });
+  const seen = { ...accepted, shares: true };
+
+  test("is shown to the visitor once they do see it, and takes dots where a display of the robot shows them", () => {
+    assert.deepEqual(previewOf(shared, seen, 1), { seen: true, points: true });
+    assert.deepEqual(previewOf(shared, seen, 0), { seen: true, points: false });
+    assert.deepEqual(previewOf(shared, { ...seen, status: "ringing" }, 1), { seen: false, points: false });
+    assert.deepEqual(previewOf(shared, { ...seen, video: false }, 1), { seen: false, points: false });
+    assert.deepEqual(previewOf(shared, null, 1), { seen: false, points: false });
+    assert.deepEqual(previewOf(own({ camera: "on" }), seen, 1), { seen: false, points: false });
+  });
+
+  test("takes none while the robot takes it for a face, and such a robot is told, unless it cannot know", () => {
+    assert.deepEqual(previewOf(shared, accepted, 1), { seen: true, points: false });
+    const heard = { ...accepted, audio: false };
+    assert.equal(mustSay(shared, { ...heard, shares: false }, true), true);
+    assert.equal(mustSay(shared, { ...heard, shares: true }, true), false);
+    assert.equal(mustSay(shared, { ...heard, shares: false }, false), false);
+    assert.equal(mustSay(own({ camera: "on" }), { ...heard, shares: true }, true), true);
   });
 });
 
@@ -216,6 +239,15 @@ describe("the robot's own display", () => {
     assert.equal(scene(calling({ video: false })), "speaking");
     assert.equal(sceneFor(calling({ status: "ringing" }), 100).sound, 0);
     assert.equal(sceneFor(calling({ volume: 0.4 }), 100).sound, 0.4);
+  });
+
+  test("shows a screen whole, and has it pointed at while it is seen", () => {
+    const points = (call, now = 100) => sceneFor(calling(call), now).canPoint;
+    assert.deepEqual([points({ shares: true }), points({ shares: false }), points({ shares: true, status: "ringing" })], [true, false, false]);
+    assert.deepEqual([points({ shares: true, video: false }), points({ shares: true }, 105)], [false, false]);
+    assert.equal(sceneFor(calling({ shares: true }), 100).whole, true);
+    assert.equal(sceneFor(calling({}), 100).whole, false);
+    assert.equal(sceneFor(told(), 100).canPoint, false);
   });
 
   test("tells of a study only while its visitor is there", () => {

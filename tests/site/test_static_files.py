@@ -56,7 +56,7 @@ def test_the_pages_own_tests_pass_on_its_shortened_modules(tmp_path):
         shutil.copytree(ROOT / name, tmp_path / name)
     for path in (tmp_path / "static" / "js").rglob("*.js"):
         path.write_text(minify.string("text/javascript", path.read_text()))
-    tests = [tmp_path / "tests/js" / f"{name}.test.js" for name in ("commands", "overlay", "pointing", "robot_api", "session")]
+    tests = [tmp_path / "tests/js" / f"{name}.test.js" for name in ("commands", "dots", "overlay", "pointing", "robot_api", "session")]
     done = subprocess.run(["node", "--test", *map(str, tests)], capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 0, done.stdout[-3000:]
 

@@ -302,7 +302,7 @@ class FakeRobotPage:
             return
         suffix, message = codec.decode_frame(frame, "to_robot")
         self.heard.append((0, "datachannel", suffix, message))
-        if role == "driver" or suffix == "command/action":
+        if role == "driver" or suffix in {"command/action", "command/point"}:
             self._command(suffix, message, Sender("datachannel", peer, role=role), peer)
 
     def _command(self, suffix: str, message: Any, sender: Sender, peer: str) -> None:

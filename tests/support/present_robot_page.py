@@ -17,6 +17,7 @@ from robots.agent.adapters.contract import FROM_PAGE
 from robots.agent.calls import Calls
 from robots.agent.media import MediaSide
 from robots.agent.permissions import Sender
+from robots.agent.pointing import Pointing
 from robots.agent.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
 from robots.api import messages as m
 from sessions import wire
@@ -25,12 +26,14 @@ from sessions.screen_room import ScreenRoom
 from tests.support.fake_robot_page import ROBOT, FakeRobotPage, _Page, _response
 from tests.support.synthetic_camera import SyntheticMicrophone
 
-CAPABILITIES = ("velocity", "video", "audio", "say", "call", "photo", "tilt")
+CAPABILITIES = ("velocity", "video", "audio", "say", "call", "point", "photo", "tilt")
 SCREEN = "/screen-socket"
 
 
 class PresentRobotPage(FakeRobotPage):
     """As FakeRobotPage, with a head, a voice and a display; `screen_url` is the page of its screen. `asked` holds permitted actions.
+
+    `pointed` holds the dots that it has passed on, each with the way it came.
 
     `from_page`: the robot has no camera and no microphone, and its screen's page gives them.
     """
@@ -43,6 +46,8 @@ class PresentRobotPage(FakeRobotPage):
             video=FROM_PAGE if from_page else self.camera, audio=FROM_PAGE if from_page else SyntheticMicrophone(), viewers=4, on_frame=self._on_channel, reply=self._reply,
             outputs=(self.speaker, self.display),
         )  # fmt: skip
+        self.pointing = Pointing()
+        self.pointed: list[tuple[str, m.Pointer]] = []
         self.tilt = 0.0
         self.asked: list[Any] = []
         self.is_study = False
@@ -97,7 +102,9 @@ class PresentRobotPage(FakeRobotPage):
             elif isinstance(effect, Publish) and effect.suffix.startswith("signal/"):
                 self.media.signal(room.peer, effect.message)
             elif isinstance(effect, Publish):
-                self._command(effect.suffix, msgspec.structs.replace(effect.message, stamp=time.time()), Sender("mqtt"), room.peer)
+                message = effect.message
+                stamped = msgspec.structs.replace(message, stamp=time.time()) if isinstance(message, m.Action) else message
+                self._command(effect.suffix, stamped, Sender("mqtt"), room.peer)
 
     def _tell_room(self) -> None:
         super()._tell_room()
@@ -122,7 +129,9 @@ class PresentRobotPage(FakeRobotPage):
 
     def _command(self, suffix: str, message: Any, sender: Sender, peer: str) -> None:
         now, unix = time.monotonic(), time.time()
-        if isinstance(message, m.EStop):
+        if isinstance(message, m.PointCommand):
+            self._point(message, sender, peer, now)
+        elif isinstance(message, m.EStop):
             self.kernel.estop(message, sender, now=now, unix=unix)
             self._say("state", self._state())
         elif isinstance(message, m.Call | m.AnswerCall | m.Say | m.Tilt | m.ClearEStop | m.Photo):
@@ -137,6 +146,18 @@ class PresentRobotPage(FakeRobotPage):
             super()._command(suffix, message, sender, peer)
         else:
             super()._command(suffix, message, sender, peer)
+
+    def _point(self, command: m.PointCommand, sender: Sender, peer: str, now: float) -> None:
+        lease = self.kernel.leases.live(now)
+        by = self.pointing.take(peer, command, sender, lease, shown=self.calls.shows_screen(lease, now), now=now)
+        if by is None or lease is None:
+            return
+        pointer = m.Pointer(stamp=time.time(), by=by, at=command.at)
+        self.pointed.append((sender.way, pointer))
+        self.media.point(pointer)
+        driver = self._pages.get(lease.peer)
+        for page in [page for page, _ in self._screens.values()] if by == "driver" else [driver] if driver else []:
+            page.say("pointer", pointer)
 
     def _obey(self, message: Any, now: float) -> None:
         lease = self.kernel.leases.live(now)

@@ -67,6 +67,14 @@ export class Carrier {
     }
   }
 
+  /** A dot on what is shared, by the way of this moment or not at all. @param {number} now @param {object} dot */
+  sendPoint(now, dot) {
+    const frame = encodeFrame("command/point", dot);
+    if (!(this.way(now) === "datachannel" && this.link.send(frame)) && this.allows("mqtt")) {
+      this.socket.send(frame, { droppable: true });
+    }
+  }
+
   /** @param {number} now @param {"stop" | "estop"} type */
   stop(now, type) {
     this.#both(this.commands.stop(now, type));

@@ -23,22 +23,33 @@ export const newOwn = () => ({ mic: "off", camera: "off", shares: false, talking
 export const isHeard = ({ mic, talking }) => mic === "on" || (mic === "muted" && talking);
 
 /** What the robot is to know: the fields of a call, null for none. @param {Own} own */
-export const callOf = ({ mic, camera, volume }) => {
+export const callOf = ({ mic, camera, shares, volume }) => {
   const audio = mic === "on" || mic === "muted";
   const video = camera === "on";
-  return audio || video ? { ringing: true, audio, video, volume } : null;
+  return audio || video ? { ringing: true, audio, video, volume, shares: video && shares } : null;
 };
 
 /**
  * Whether the robot must be told again: it lets through something else than what is sent.
  * @param {Own} own @param {any} known the call as the robot's state says it, null for none
+ * @param {boolean} points whether this robot takes dots, and so tells a screen from a face; an older one never says that it knows
  */
-export const mustSay = (own, known) => {
+export const mustSay = (own, known, points) => {
   const wanted = callOf(own);
   if (!wanted || !known) {
     return Boolean(wanted) !== Boolean(known);
   }
-  return known.audio !== wanted.audio || known.video !== wanted.video || Math.abs(known.volume - wanted.volume) > 0.005;
+  const differs = known.audio !== wanted.audio || known.video !== wanted.video || (points && known.shares !== wanted.shares);
+  return differs || Math.abs(known.volume - wanted.volume) > 0.005;
+};
+
+/**
+ * What of a screen that is shared the people there see, and whether a dot on it reaches them.
+ * @param {Own} own @param {any} known the call as the robot says it @param {number} screens the robot's displays that are connected
+ */
+export const previewOf = (own, known, screens) => {
+  const seen = own.shares && known?.status === "accepted" && known.video === true;
+  return { seen, points: seen && known.shares === true && screens > 0 };
 };
 
 /**

@@ -9,12 +9,13 @@ import { roleOf } from "../connection/session.js";
 import { write } from "../hud/dialog.js";
 import { can } from "../hud/offer.js";
 import { unixNow } from "../lib/clock.js";
+import { fetched } from "../lib/fetched.js";
 import { freshId } from "../lib/ids.js";
 import { ask, heard, pass } from "../tasks.js";
 import { Snapshots } from "../task/snapshot.js";
 import { Devices } from "./devices.js";
 import { lineOf } from "./lines.js";
-import { AGAIN_SECONDS, callOf, isHeard, mustSay, newOwn, noteOf } from "./sending.js";
+import { AGAIN_SECONDS, callOf, isHeard, mustSay, newOwn, noteOf, previewOf } from "./sending.js";
 import { TalkKey } from "./talk_key.js";
 import { Tilting, stepOf } from "./tilt.js";
 
@@ -29,8 +30,9 @@ const VIDEO_BITRATE = 600_000; // bit/s: driving comes first
  * @param {(id: string) => HTMLElement} page.element
  * @param {(type: string, data?: Record<string, string | number | boolean | null>) => boolean} page.report
  * @param {(order: import("../tasks.js").Task) => void} page.sendOrder
+ * @param {(dot: {stamp: number, at: [number, number] | null}) => void} page.sendPoint
  */
-export const createPresence = ({ store, config, words, element, report, sendOrder }) => {
+export const createPresence = ({ store, config, words, element, report, sendOrder, sendPoint }) => {
   const button = (/** @type {string} */ id) => /** @type {HTMLButtonElement} */ (element(id));
   const input = (/** @type {string} */ id) => /** @type {HTMLInputElement} */ (element(id));
   const self = /** @type {HTMLVideoElement} */ (element("self"));
@@ -108,11 +110,19 @@ export const createPresence = ({ store, config, words, element, report, sendOrde
     report(kind === "audio" ? "microphone" : "camera", { on: false, why: "" });
   };
 
+  const fetchPreview = fetched(async () => (await import("./preview.js")).createPreview({ element, sendPoint, backToDriving }));
+  /** @type {ReturnType<typeof import("./preview.js").createPreview> | null} of the screen that is shown; without it it is shown all the same */
+  let preview = null;
+
   /** Show them a screen, a window or a tab. Whoever would rather not leaves things as they are. */
   const share = async () => {
     if (!(await devices.share())) {
       return;
     }
+    fetchPreview((it) => {
+      preview = it;
+      store.update({});
+    });
     report("screen_shared", { on: true });
     if (roleOf(store.get().visit) === "driver") {
       change({ camera: "on", shares: true, trouble: null, turnedAway: false });
@@ -144,6 +154,8 @@ export const createPresence = ({ store, config, words, element, report, sendOrde
   /** @param {import("../state.js").State} state @param {string} capability */
   const isOffered = (state, capability) => roleOf(state.visit) === "driver" && can(state, capability);
 
+  const takesDots = () => Boolean(store.get().factsheet?.capabilities?.includes("point"));
+
   /** @param {number} now */
   const sayCall = (now) => {
     const { robot } = store.get();
@@ -152,7 +164,7 @@ export const createPresence = ({ store, config, words, element, report, sendOrde
       endAll();
       change({ turnedAway: true });
     }
-    if (robot && isOffered(store.get(), "call") && mustSay(own, known) && now - saidAt > AGAIN_SECONDS) {
+    if (robot && isOffered(store.get(), "call") && mustSay(own, known, takesDots()) && now - saidAt > AGAIN_SECONDS) {
       saidAt = now;
       sendOrder(ask({ type: "call", ...(callOf(own) ?? { ringing: false }) }, freshId("call-"), now));
     }
@@ -282,6 +294,8 @@ export const createPresence = ({ store, config, words, element, report, sendOrde
     button("presence-again").hidden = own.trouble === null || own.trouble.why === "unsupported";
     button("presence-dismiss").hidden = own.trouble === null && !own.turnedAway;
     showSelf();
+    const { seen, points } = previewOf(own, offered ? state.robot?.call : null, state.robot?.screens ?? 0);
+    preview?.show({ track: seen ? devices.tracks.video : null, points: points && takesDots(), name: state.room.driver ?? "" });
   };
 
   const showSelf = () => {
@@ -361,6 +375,8 @@ export const createPresence = ({ store, config, words, element, report, sendOrde
       unread = open === "talk" ? 0 : unread;
       store.update({});
     },
+    /** @param {any} message where somebody there points */
+    pointed: (message) => preview?.pointed(message),
     /** @param {Parameters<typeof heard>[1]} message */
     action: (message) => {
       if (photo?.id === message.actionId) {

@@ -20,7 +20,7 @@ export const UNCONFIRMED = 2;
 /**
  * @param {Told} told @param {number} now
  * @returns {{scene: "starting" | "no_key" | "offline" | "idle" | "ringing" | "seen" | "speaking" | "visiting", name: string, study: boolean,
- *   sound: number, canWrite: boolean, canHangUp: boolean, stopped: "" | "ours" | "other" | "wait" | "unconfirmed"}}
+ *   sound: number, whole: boolean, canPoint: boolean, canWrite: boolean, canHangUp: boolean, stopped: "" | "ours" | "other" | "wait" | "unconfirmed"}}
  */
 export const sceneFor = (told, now) => {
   const { screen, state } = told;
@@ -28,11 +28,15 @@ export const sceneFor = (told, now) => {
   const through = call?.status === "accepted";
   const name = screen?.visitor ?? "";
   const visited = screen?.visitor != null;
+  const scene = sceneOf(told, call, now);
+  const shares = Boolean(call?.shares);
   return {
-    scene: sceneOf(told, call, now),
+    scene,
     name,
     study: visited && Boolean(screen?.study),
     sound: visited && through && call.audio ? call.volume : 0,
+    whole: shares,
+    canPoint: scene === "seen" && shares,
     canWrite: visited,
     canHangUp: visited && through && (call.audio || call.video),
     stopped: stoppedBy(told, now),

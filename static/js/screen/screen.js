@@ -10,6 +10,7 @@ import { unixNow } from "../lib/clock.js";
 import { freshId } from "../lib/ids.js";
 import { readWords } from "../lib/words.js";
 import { Devices } from "../presence/devices.js";
+import { createDots } from "../presence/dots.js";
 import { lineOf } from "../presence/lines.js";
 import { Rejection, decodeFrame, encodeFrame } from "../robot_api.js";
 import { Giving } from "./giving.js";
@@ -27,8 +28,7 @@ const element = (/** @type {string} */ id) => /** @type {HTMLElement} */ (docume
 const config = JSON.parse(element("config").textContent ?? "{}");
 const words = readWords(/** @type {HTMLTemplateElement} */ (element("words")), document.documentElement.lang);
 const video = /** @type {HTMLVideoElement} */ (element("video"));
-// A face may lose its edges to fill the display; a screen that is shown has to be read to them.
-video.addEventListener("resize", () => video.toggleAttribute("data-whole", Math.abs(video.videoWidth / video.videoHeight - 4 / 3) > 0.2));
+video.addEventListener("resize", () => show());
 const audio = /** @type {HTMLAudioElement} */ (element("audio"));
 const volume = /** @type {HTMLInputElement} */ (element("volume"));
 const field = /** @type {HTMLInputElement} */ (element("field"));
@@ -36,6 +36,16 @@ const voice = createVoice();
 
 /** @type {import("./scene.js").Told} */
 const told = { keyed: /** @type {any} */ (null), screen: null, state: null, heardAt: 0, online: true, stop: null };
+const dots = createDots({
+  video,
+  layer: element("dots"),
+  own: "screen",
+  hovers: false, // a mouse that lies about on a display points at nothing
+  say: (dot) => {
+    const frame = encodeFrame("command/point", dot);
+    return (link.live && link.send(frame)) || socket.send(frame, { droppable: true });
+  },
+});
 let announced = "";
 let beatAt = 0;
 let beats = 0;
@@ -144,6 +154,7 @@ const HANDLERS = {
       voice.speak(message.text, message.language || document.documentElement.lang, loudness());
     }
   },
+  pointer: (message) => dots.told(message),
   "signal/reply": (message) => void link.signal(message),
 };
 
@@ -219,7 +230,7 @@ document.addEventListener("pointerdown", () => void hear(), { once: true });
 // --- what they see ---------------------------------------------------------------------------------------------------
 
 const show = () => {
-  const { scene, name, study, sound, canWrite, canHangUp, stopped } = sceneFor(told, unixNow());
+  const { scene, name, study, sound, whole, canPoint, canWrite, canHangUp, stopped } = sceneFor(told, unixNow());
   const shownName = name || words.say("somebody");
   const face = element("face");
   face.dataset.scene = scene;
@@ -233,6 +244,9 @@ const show = () => {
   element("notice").hidden = !study;
   element("trouble").hidden = giving.trouble === "";
   write(element("trouble"), giving.trouble && words.say(giving.trouble === "refused" ? "give.refused" : "give.missing"));
+  // A face may lose its edges to fill the display; a screen that is shown has to be read to them.
+  video.toggleAttribute("data-whole", whole || Math.abs(video.videoWidth / video.videoHeight - 4 / 3) > 0.2);
+  dots.allow(canPoint, shownName);
   audio.volume = Math.min(1, sound * loudness());
   audio.muted = sound === 0;
   for (const part of ["quick", "form"]) {
