@@ -34,6 +34,7 @@ from robots.bridge import broker_address
 from robots.bridge.delivery import LINK, Delivery, Letter, Listener
 from robots.bridge.inbox import Inbox
 from robots.bridge.known import KnownRobot
+from robots.bridge.quick_reading import read_quickly
 from robots.bridge.quick_writing import QuickWriter, writer_of
 from robots.credentials import server_credentials
 
@@ -44,8 +45,12 @@ LISTENED = (
     "connection", "factsheet", "state", "pose", "scan", "path", "event", "action", "words", "pointer", "heartbeat", "picture", "picture/+",
     "lease", "signal/+/reply",
 )  # fmt: skip
+# At QoS 1 for the record, which the session manager keeps; here the next one comes in a quarter of a second, and an acknowledgement costs
+# nearly as much as a message.
+SHOWN = frozenset({"state"})
 STOP_SECONDS = 3.0
 MAX_FLYING = 500
+PIECE = 4096  # bytes read at a time, some ten messages: between two pieces pages are sent what there is
 MAX_REPORTS = 2000
 # From a message of ours to its handing over, at QoS 1 to the broker's word that it has it.
 BUCKETS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 1.0)
@@ -78,6 +83,7 @@ class Bridge:
         self._client: aiomqtt.Client | None = None
         self._writer: QuickWriter | None = None
         self._flying: set[asyncio.Task[Any]] = set()
+        self._unsaid: set[asyncio.Task[Any]] = set()  # of these, whose packet is not yet with the client
         self._retained: dict[tuple[str, str], bytes] = {}
         self._stops: collections.deque[_Stop] = collections.deque(maxlen=MAX_FLYING)
         self._reports: collections.deque[tuple[str, bytes]] = collections.deque()
@@ -132,6 +138,7 @@ class Bridge:
         inbox = functools.partial(Inbox, self._receive)
         async with broker_address.client(self._address, self._credentials, f"web-{secrets.token_hex(8)}", inbox) as client:
             client.pending_calls_threshold = MAX_FLYING
+            read_quickly(client, chunk=PIECE)
             self._client, self._writer = client, writer_of(client)
             try:
                 wanted = [(topics.session_news("+"), 1), *(pair for robot in self._delivery.robots for pair in _filters(robot))]
@@ -248,7 +255,7 @@ class Bridge:
         if self._client is None or len(self._flying) >= MAX_FLYING:
             self.counts["unsent"] += 1
             return False
-        if qos == 0 and self._writer is not None and not self._flying:  # else it would overtake what was said before it
+        if qos == 0 and self._writer is not None and not self._unsaid:  # else it would overtake what was said before it
             return self._write(self._writer, topic, payload)
         self._launch(functools.partial(self._client.publish, topic, payload, qos=qos, retain=retain))
         return True
@@ -270,12 +277,20 @@ class Bridge:
 
     def _launch(self, exchange: Callable[[], Coroutine[Any, Any, Any]], failed: Callable[[], None] | None = None) -> None:
         """Run one exchange with the broker beside everything else; packets leave in the order of the calls."""
-        task = self._loop.create_task(exchange())
+        task = self._loop.create_task(self._exchange(exchange))
         self._flying.add(task)
+        self._unsaid.add(task)
         task.add_done_callback(functools.partial(self._land, failed, time.monotonic()))
+
+    async def _exchange(self, exchange: Callable[[], Coroutine[Any, Any, Any]]) -> None:
+        task = asyncio.current_task()
+        assert task is not None
+        self._unsaid.discard(task)  # the client takes the packet before it waits for anything
+        await exchange()
 
     def _land(self, failed: Callable[[], None] | None, began: float, task: asyncio.Task[Any]) -> None:
         self._flying.discard(task)
+        self._unsaid.discard(task)
         error = None if task.cancelled() else task.exception()
         if error is not None and not isinstance(error, aiomqtt.MqttError):
             raise error  # ours, and the loop logs it
@@ -291,7 +306,7 @@ class Bridge:
 
 def _filters(robot: str) -> tuple[tuple[str, int], ...]:
     lines = ((suffix, topics.find(suffix.replace("+", "x"))) for suffix in LISTENED)
-    return tuple((topics.of(robot, suffix), line.qos) for suffix, line in lines if line is not None)
+    return tuple((topics.of(robot, suffix), 0 if suffix in SHOWN else line.qos) for suffix, line in lines if line is not None)
 
 
 # --- the one of this process -----------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import random
 import secrets
 import time
 import uuid
@@ -226,9 +227,12 @@ class RobotConsumer(DirectConsumer):
 
     async def _keep_time(self, visit: Visit) -> None:
         """Say every few seconds that the page is open, and every minute ask whether it may stay."""
-        asked = time.monotonic()
+        # Pages that came together do not ask together from then on.
+        asked = time.monotonic() - random.random() * WELCOME_EVERY  # noqa: S311
+        pause = random.random() * PAGE_SEEN_EVERY  # noqa: S311
         while True:
-            await asyncio.sleep(PAGE_SEEN_EVERY)
+            await asyncio.sleep(pause)
+            pause = PAGE_SEEN_EVERY
             visit.company_changed()
             try:
                 await visit.say_seen()

@@ -54,6 +54,7 @@ logger = logging.getLogger(__name__)
 IDENTIFIER = "session-manager"
 LOOK_SECONDS = 0.5
 HEARTBEAT_SECONDS = 0.5
+GATHER_SECONDS = 0.04
 FLUSH_SECONDS = 20.0
 
 
@@ -219,6 +220,7 @@ class SessionManager:
             self._pressing.clear()
             await self._look_once()
             await self._deliver()
+            await self._renew()
             try:
                 async with asyncio.timeout(LOOK_SECONDS):
                     await self._pressing.wait()
@@ -227,9 +229,19 @@ class SessionManager:
 
     async def _look_once(self) -> None:
         assert self.recorder is not None
+        for item in await self._try(self._look) or ():
+            self.recorder.put(item)
+
+    async def _renew(self) -> None:
+        published: bool | None = True
+        while published:
+            published = await self._try(self._timekeeper.renew, timezone.now())
+            await self._deliver()
+
+    async def _try(self, step: Callable[..., Any], *arguments: Any) -> Any:
+        """Do a step of the clockwork; None when the database did not let it, which the next look does again."""
         try:
-            for item in await self._in_thread(self._clockwork, self._look):
-                self.recorder.put(item)
+            return await self._in_thread(self._clockwork, step, *arguments)
         except (DatabaseError, InterfaceError) as error:
             logger.warning("session_manager_looks_again reason=%s", error)
 
@@ -250,12 +262,17 @@ class SessionManager:
         return closing
 
     async def _deliver(self) -> None:
-        """Publish what has gathered; a letter leaves the box only when the broker has it."""
-        outbox = self._timekeeper.outbox
-        while outbox:
-            letter = outbox[0]
-            await self._client.publish(letter.topic, letter.payload, qos=1, retain=letter.retain)
-            outbox.popleft()
+        """Publish what has gathered, in order; a letter leaves the box only when the broker has it.
+
+        Nobody waits for the letter before: the last of many leases would be a second old, and its visit over by then.
+        """
+        for outcome in await asyncio.gather(*map(self._tell, list(self._timekeeper.outbox)), return_exceptions=True):
+            if outcome is not None:
+                raise outcome
+
+    async def _tell(self, letter: Letter) -> None:
+        await self._client.publish(letter.topic, letter.payload, qos=1, retain=letter.retain)
+        self._timekeeper.outbox.remove(letter)
 
     async def _beat_for_ever(self) -> None:
         while True:
@@ -269,6 +286,7 @@ class SessionManager:
     async def _signal_for_ever(self) -> None:
         while True:
             await self._fresh.wait()
+            await asyncio.sleep(GATHER_SECONDS)  # many robots' states go to the thread together
             self._fresh.clear()
             items = self._intake.fresh()
             if any(signal.has_listeners(Session) for signal in (signals.state_received, signals.state_recovered, signals.message_received)):

@@ -6,6 +6,7 @@ what is to be told waits in `outbox` until the loop has published it, so that an
 
 import datetime
 import logging
+import random
 from collections import deque
 from dataclasses import dataclass, replace
 from typing import Any
@@ -28,6 +29,7 @@ from sessions.turns import LIVE, lease_message, load_scene, load_scenes, rules_o
 logger = logging.getLogger(__name__)
 
 CLOSE_AGAIN_SECONDS = 5.0
+UNREAD = ("report", "doors", "description")  # of a robot, which nobody needs here twice a second
 
 
 @dataclass(frozen=True)
@@ -83,14 +85,13 @@ class Timekeeper:
                     self._tell(act, robot, now)
                 if robot.pk in queues:
                     self._tell_places(robot, now)
-        self._renew(now)
         return self._finish(now)
 
     @staticmethod
     def _busy_robots() -> list[Robot]:
         keys = set(Session.objects.filter(state__in=LIVE).values_list("robot_id", flat=True))
         keys |= set(Lease.objects.filter(session__isnull=False).values_list("robot_id", flat=True))
-        return list(Robot.objects.filter(pk__in=keys).order_by("name"))
+        return list(Robot.objects.filter(pk__in=keys).defer(*UNREAD).order_by("name"))
 
     # --- news --------------------------------------------------------------------------------------------------------
 
@@ -157,31 +158,46 @@ class Timekeeper:
 
     # --- leases ------------------------------------------------------------------------------------------------------
 
-    def _renew(self, now: datetime.datetime) -> None:
-        """Publish every lease that is new or due, and that nobody drives where somebody did."""
-        held = {lease.robot.name: lease for lease in Lease.objects.filter(session__state__in=LIVE).select_related("robot", "session__visitor")}
+    def renew(self, now: datetime.datetime) -> bool:
+        """Publish every lease that is new or due, and that nobody drives where somebody did; tell whether there was any.
+
+        A visit may end between the reading of its lease and the publishing, and the robot hear of its end first. So this is no part of a
+        look, which takes longer, and whoever has published a lease asks again at once.
+        """
+        before = len(self.outbox)
+        rows = Lease.objects.filter(session__state__in=LIVE).values_list("robot__name", "robot_id", "epoch", "session__state")
+        held = {name: (key, epoch, state) for name, key, epoch, state in rows}
         for name in self._leases.keys() - held.keys():
             del self._leases[name]
             self._publish_lease(name, b"")
-        for name, lease in held.items():
-            assert lease.session is not None
-            if lease.session.state == Session.State.WAITING:
+        due = {}
+        for name, (key, epoch, state) in held.items():
+            if state == Session.State.WAITING:
                 continue  # it is being granted: its terms are not fixed yet
-            epoch, renewed = self._leases.get(name, (-1, 0.0))
-            if epoch != lease.epoch or now.timestamp() - renewed >= settings.LEASE_RENEWAL_SECONDS:
-                self._renew_one(name, lease, now)
+            known, renewed = self._leases.get(name, (-1, 0.0))
+            if known != epoch:
+                # Robots that were taken together, as by a class, are not renewed together from then on.
+                due[key] = random.random() * settings.LEASE_RENEWAL_SECONDS  # noqa: S311 -- spreads renewals
+            elif now.timestamp() - renewed >= settings.LEASE_RENEWAL_SECONDS:
+                due[key] = 0.0
+        if due:
+            living = Lease.objects.filter(robot__in=due, session__state__in=LIVE).exclude(session__state=Session.State.WAITING)
+            for lease in living.select_related("robot", "session__visitor"):
+                self._renew_one(lease, now, due[lease.robot_id])
+        return len(self.outbox) > before
 
-    def _renew_one(self, name: str, lease: Lease, now: datetime.datetime) -> None:
+    def _renew_one(self, lease: Lease, now: datetime.datetime, early: float) -> None:
+        """Publish a lease; the next renewal comes so many seconds sooner."""
         renewal = lease.renewal + 1
         if not Lease.objects.filter(robot=lease.robot, epoch=lease.epoch).update(renewal=renewal):
             return
-        self._leases[name] = (lease.epoch, now.timestamp())
+        self._leases[lease.robot.name] = (lease.epoch, now.timestamp() - early)
         hold = Hold(lease.epoch, str(lease.session_id), lease.peer)
-        assert lease.session is not None
-        session, who = lease.session, lease.session.visitor.shown_name
-        fixed = terms.of(session)
+        session = lease.session
+        assert session is not None
+        fixed, who = terms.of(session), session.visitor.shown_name
         message = lease_message(lease.robot, who, hold, renewal=renewal, stamp=now.timestamp(), assist=session.assist, fixed=fixed)
-        self._publish_lease(name, codec.encode(message))
+        self._publish_lease(lease.robot.name, codec.encode(message))
 
     def _publish_lease(self, robot: str, payload: bytes) -> None:
         self.outbox.append(Letter(topics.of(robot, "lease"), payload, retain=True))

@@ -7,7 +7,7 @@ one living session at a robot.
 What a consumer calls, each through `database_sync_to_async`:
 
 - `take` for `session/take`. On `Granted` publish `granted.lease` (retained) at once; the session manager renews it.
-- `seen` when the page's socket opens with a session and every `leases.PAGE_SEEN_EVERY` seconds while it is open;
+- `seen`, through sessions/roll_call.py, every `leases.PAGE_SEEN_EVERY` seconds while the page's socket is open with a session; `take` says it, too;
 - `page_gone` when the socket closes: the visit goes on for as long as its heartbeat or its grace period lasts;
 - `leave` for `session/leave`. On True publish an empty retained lease if the page was driving, and the news `ended`.
 
@@ -16,7 +16,7 @@ ended visit, which counts as free, and never a visit that seems to have lost its
 """
 
 import datetime
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -135,13 +135,13 @@ def _carry_out(decision: Grant | Resume | Wait | Deny, scene: Scene, asker: _Ask
         case Deny(reason, session):
             return Refused(reason, session)
         case Resume(visit):
-            seen(visit, asker.now)
+            seen({visit}, asker.now)
             return _granted(scene, scene.hold, asker, resumed=True)
         case Wait(visit, place, minutes, reason):
             session = _join(asker) if visit is None else visit
             if session is None:
                 return None
-            seen(session, asker.now)
+            seen({session}, asker.now)
             return Queued(session, place, minutes, reason)
         case Grant():
             return _grant(decision, scene, asker)
@@ -225,12 +225,16 @@ def set_assist(session: str, level: str, *, peer: str) -> tuple[Hold, int] | Non
     return Hold(lease.epoch, session, lease.peer), renewal
 
 
-def seen(session: str, now: datetime.datetime) -> bool:
-    """Note that a page of this session is open; False when the session has ended."""
-    live = Session.objects.filter(pk=session, state__in=LIVE)
+def seen(sessions: Collection[str], now: datetime.datetime) -> set[str]:
+    """Note that a page of each of these sessions is open; return those that have not ended."""
+    found = list(Session.objects.filter(pk__in=sessions, state__in=LIVE).values_list("pk", "state", "lost_at"))
+    live = [key for key, _, _ in found]
     # A waiting visit has no other sign of life: its page is what was lost, and is back.
-    live.filter(state=Session.State.WAITING, lost_at__isnull=False).update(lost_at=None)
-    return bool(live.update(seen_at=now))
+    if back := [key for key, state, lost_at in found if state == Session.State.WAITING and lost_at is not None]:
+        Session.objects.filter(pk__in=back, state=Session.State.WAITING).update(lost_at=None)
+    if live:
+        Session.objects.filter(pk__in=live, state__in=LIVE).update(seen_at=now)
+    return {str(key) for key in live}
 
 
 def page_gone(session: str, peer: str, now: datetime.datetime) -> None:
@@ -338,7 +342,7 @@ def load_scenes(robots: Sequence[Robot], now: datetime.datetime) -> dict[Any, Sc
     """Read what decisions about robots look at, by the robots' keys, in as many queries as for one: sessions first, then leases (see the top)."""
     keys = [robot.pk for robot in robots]
     visits: dict[Any, dict[str, Visit]] = {key: {} for key in keys}
-    for session in Session.objects.filter(robot__in=keys, state__in=LIVE):
+    for session in Session.objects.filter(robot__in=keys, state__in=LIVE).defer("device", "summary"):
         visits[session.robot_id][str(session.pk)] = visit_of(session)
     leases = {lease.robot_id: lease for lease in Lease.objects.filter(robot__in=keys)}
     # Whoever has a robot and was not among them perhaps began after they were read.

@@ -22,6 +22,7 @@ from sessions import entrance, relay, turns, wire
 from sessions.company import Company
 from sessions.models import Session
 from sessions.outbox import Outbox
+from sessions.roll_call import roll_call
 from sessions.room import Room
 from sessions.terms import Terms
 
@@ -220,7 +221,7 @@ class Visit:
     async def say_seen(self) -> None:
         """Note in the database that this page is open."""
         session = self.room.session
-        if session is not None and not await database_sync_to_async(turns.seen)(session, timezone.now()):
+        if session is not None and not await roll_call.seen(session):
             await self.confirm()
 
     async def still_welcome(self) -> bool:

@@ -3,6 +3,7 @@
 import asyncio
 import datetime
 import hashlib
+import random
 import time
 from collections.abc import Callable
 
@@ -17,6 +18,8 @@ from robots.api import codec, messages, topics
 from robots.models import Robot
 from sessions import signals, turns, wire
 from sessions.models import Lease, NetworkSample, Session, SessionEvent, Snapshot, StateChunk, SystemLog
+from sessions.session_manager import SessionManager
+from sessions.timekeeper import Letter, Timekeeper
 from tests.support.lateness import watched
 from tests.support.patience import patient
 from tests.support.recorder_rig import HOST, ManagerProcess, ScriptedRobot, running_manager, running_mosquitto, wait_for
@@ -515,3 +518,31 @@ async def test_received_stamps_are_the_recorders_own(broker, giraff, visitors):
         session = await drive(visitors["ana"], robot)
         chunk = await wait_for(lambda: StateChunk.objects.filter(session=session).first())
         assert begun <= chunk.received_at <= datetime.datetime.now(datetime.UTC).timestamp()
+
+
+class Broker:
+    """A client that confirms what it is asked to, and loses the connection at one message."""
+
+    def __init__(self, lost: str) -> None:
+        self.lost, self.told = lost, []
+
+    async def publish(self, topic, payload, qos, retain):
+        self.told.append(topic)
+        await asyncio.sleep(0)
+        if topic == self.lost:
+            raise aiomqtt.MqttError("gone")
+
+
+async def test_what_the_broker_did_not_confirm_is_told_again_in_order_and_nothing_else():
+    manager = SessionManager("mqtt://nowhere", ("session-manager", "unused"), random.Random(1))
+    manager._timekeeper = Timekeeper()
+    outbox = manager._timekeeper.outbox
+    outbox.extend(Letter(f"t/{number}", b"x") for number in range(5))
+    manager._client = broker = Broker(lost="t/2")
+    with pytest.raises(aiomqtt.MqttError, match="gone"):
+        await manager._deliver()
+    assert broker.told == [f"t/{number}" for number in range(5)]
+    assert [letter.topic for letter in outbox] == ["t/2"]
+    broker.lost = ""
+    await manager._deliver()
+    assert not outbox

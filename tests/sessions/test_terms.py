@@ -76,7 +76,7 @@ def test_the_session_manager_renews_a_lease_with_its_terms(provider, giraff, ana
     take(giraff, ana)
     keeper = Timekeeper()
     keeper.begin()
-    keeper.look({}, Link(since=NOW.timestamp()), after(1))
+    assert keeper.renew(after(1))
     leases = [msgspec.json.decode(letter.payload, type=m.Lease) for letter in keeper.outbox if letter.topic.endswith("/lease") and letter.payload]
     assert [(lease.methods, lease.limits.linear) for lease in leases] == [(("keyboard",), 0.2)]
 
@@ -118,7 +118,7 @@ def test_terms_that_nobody_lived_to_store_are_fixed_by_the_session_manager_befor
     session = Session.objects.create(robot=giraff, visitor=ana, live_key="x", queued_at=NOW, seen_at=NOW)
     Lease.objects.create(robot=giraff, epoch=1, session=session, peer="p1", changed_at=NOW)
     keeper = Timekeeper()
-    keeper._renew(NOW)
+    keeper.renew(NOW)
     assert not keeper.outbox
     assert tick(giraff, Link(since=NOW.timestamp()), after(1)) == (Move(str(session.pk), "connecting"),)
     session.refresh_from_db()

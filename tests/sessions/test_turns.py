@@ -1,13 +1,17 @@
 """Taking and giving up the robot, in the database."""
 
 import datetime
+import random
+from itertools import pairwise
 
 import pytest
+from django.conf import settings
 from django.db import connection
 from django.test.utils import CaptureQueriesContext
 from django.utils import timezone
 
 from accounts.models import User
+from robots.api import topics
 from robots.models import Robot
 from sessions import turns
 from sessions.manager_beat import STALE_SECONDS, beat, give_back
@@ -115,10 +119,19 @@ def test_a_page_that_waits_and_is_back_is_not_lost(giraff, ana, ben):
     queued = turns.take(giraff, ben, "peer-2", now=NOW)
     turns.page_gone(queued.session, "peer-2", after(1))
     assert Session.objects.get(visitor=ben).lost_at == after(1)
-    assert turns.seen(queued.session, after(2))
+    assert turns.seen({queued.session}, after(2)) == {queued.session}
     assert Session.objects.get(visitor=ben).lost_at is None
     turns.leave(queued.session, peer="peer-2", now=after(3))
-    assert not turns.seen(queued.session, after(4))
+    assert turns.seen({queued.session}, after(4)) == set()
+
+
+def test_many_pages_are_seen_with_two_questions_and_those_that_are_over_are_left_alone(giraff, ana, ben, django_assert_num_queries):
+    over = turns.take(giraff, ana, "peer-1", now=NOW)
+    turns.leave(over.session, peer="peer-1", now=after(1))
+    first, queued = turns.take(giraff, ana, "peer-1", now=after(2)), turns.take(giraff, ben, "peer-2", now=after(2))
+    with django_assert_num_queries(2):
+        assert turns.seen({over.session, first.session, queued.session}, after(9)) == {first.session, queued.session}
+    assert {str(row.pk): row.seen_at == after(9) for row in Session.objects.all()} == {over.session: False, first.session: True, queued.session: True}
 
 
 def test_the_turn_is_limited_in_the_grant_when_others_wait(giraff, ana, ben):
@@ -158,8 +171,9 @@ def test_a_visitor_who_came_back_is_not_ended_by_an_older_decision(giraff, ana, 
     assert Session.objects.get().state == "reconnecting"
 
 
-def test_a_look_reads_no_more_for_many_driven_robots_than_for_one(ana, ben):
+def test_a_look_reads_no_more_for_many_driven_robots_than_for_one(ana, ben, monkeypatch):
     """It is made twice a second, beside whatever else the computer does."""
+    monkeypatch.setattr("sessions.timekeeper.random.random", lambda: 0.0)  # no renewal comes early
 
     def queries(robots: int) -> int:
         for number in range(Robot.objects.count(), robots):
@@ -172,8 +186,10 @@ def test_a_look_reads_no_more_for_many_driven_robots_than_for_one(ana, ben):
         }
         keeper = Timekeeper()
         keeper.look(links, Link(since=NOW.timestamp()), after(0.5))
+        keeper.renew(after(0.5))
         with CaptureQueriesContext(connection) as asked:
             keeper.look(links, Link(since=NOW.timestamp()), after(1))
+            assert not keeper.renew(after(1)), "nothing is due"
         assert not [query for query in asked if not query["sql"].startswith("SELECT")]
         return len(asked)
 
@@ -212,14 +228,38 @@ def test_a_process_that_died_between_lease_and_session_is_made_good(giraff, ana,
     assert isinstance(turns.take(giraff, ben, "peer-2", now=after(3)), turns.Granted)
 
 
+def test_robots_that_were_taken_together_are_renewed_apart_and_each_in_time(ana, monkeypatch):
+    monkeypatch.setattr("sessions.timekeeper.random.random", random.Random(1).random)
+    robots = [Robot.objects.create(name=f"r{number}", title="R", connection="ONLINE", last_seen_at=after(1000)) for number in range(12)]
+    for robot in robots:
+        assert isinstance(turns.take(robot, ana, f"peer-{robot.name}", now=NOW), turns.Granted)
+    Session.objects.update(state="driving", driving_at=NOW, first_motion_at=NOW, seen_at=NOW)
+    keeper, told = Timekeeper(), {robot.name: [] for robot in robots}
+    for look in range(21):
+        seconds = look * 0.5
+        while keeper.renew(after(seconds)):
+            for letter in keeper.outbox:
+                robot, suffix = topics.parse(letter.topic)
+                assert suffix == "lease"
+                told[robot].append(seconds)
+            keeper.outbox.clear()
+    assert all(at[0] == 0.0 for at in told.values())
+    assert all(0.0 < later - at <= settings.LEASE_RENEWAL_SECONDS for moments in told.values() for at, later in pairwise(moments))
+    assert len({tuple(moments) for moments in told.values()}) > 1, "all at once for ever"
+
+
 def test_a_grant_that_begins_while_the_scene_is_read_is_not_taken_for_a_leftover(giraff, ana, monkeypatch):
     objects = Session.objects.filter
     began = []
 
+    class Read(list):
+        def defer(self, *_):
+            return self
+
     def filter_then_grant(*args, **kwargs):
         rows = objects(*args, **kwargs)
         if giraff.pk in kwargs.get("robot__in", ()) and not began:
-            found = list(rows)
+            found = Read(rows)
             began.append(True)
             turns.take(giraff, ana, "peer-1", now=NOW)
             return found
@@ -237,7 +277,7 @@ def test_the_queue_is_offered_the_robot_in_order(giraff, ana, ben):
     link = Link(since=NOW.timestamp(), heard_at=NOW.timestamp())
     assert tick(giraff, link, after(1)) == (Offer(queued.session),)
     assert isinstance(turns.take(giraff, ana, "peer-1", now=after(2)), turns.Queued)
-    turns.seen(queued.session, after(70))
+    turns.seen({queued.session}, after(70))
     assert End(queued.session, "cancelled", "turn_not_taken") in tick(giraff, link, after(70))
 
 

@@ -37,7 +37,7 @@ try:
     first = turns.take(robot, ada, "peer-a", now=now)
     assert isinstance(first, turns.Granted), first
     assert isinstance(turns.take(robot, bob, "peer-b", now=now), turns.Queued)
-    assert turns.seen(first.session, now)
+    assert turns.seen({first.session}, now) == {first.session}
     StateChunk.objects.bulk_create([StateChunk(session_id=first.session, boot="b", first_seq=n, last_seq=n, count=1, first_stamp=n, last_stamp=n, received_at=n, states=[{"n": n}]) for n in range(3)])
     assert [chunk.first_seq for chunk in StateChunk.objects.filter(session=first.session).order_by("first_stamp")] == [0, 1, 2]
     assert turns.end(first.session, Session.Outcome.COMPLETED, "", now)

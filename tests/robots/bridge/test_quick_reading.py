@@ -5,19 +5,20 @@ import asyncio
 import aiomqtt
 import pytest
 
-from robots.bridge.quick_reading import read_quickly
+from robots.bridge.quick_reading import CHUNK, _Pieces, read_quickly
 from tests.support.patience import patient
 from tests.support.recorder_rig import HOST, running_mosquitto
 
 pytestmark = pytest.mark.broker
 
 
-async def test_everything_arrives_in_order_whatever_its_size():
+@pytest.mark.parametrize("chunk", [CHUNK, 4096])
+async def test_everything_arrives_in_order_whatever_its_size(chunk):
     """Fails when paho or aiomqtt are not any more what robots/bridge/quick_reading.py takes them for."""
     sizes = [1, 20, 70_000, 3, 200_000, *([500] * 2000), 65_535, 65_536, 2]
     with running_mosquitto() as broker:
         async with aiomqtt.Client(HOST, broker.port) as reader, aiomqtt.Client(HOST, broker.port, max_inflight_messages=100) as writer:
-            assert read_quickly(reader)
+            assert read_quickly(reader, chunk)
             await reader.subscribe("t", 1)
             writer.pending_calls_threshold = 10_000
             publishing = asyncio.gather(*(writer.publish("t", bytes([number % 251]) * size, 1) for number, size in enumerate(sizes)))
@@ -30,3 +31,33 @@ async def test_everything_arrives_in_order_whatever_its_size():
             await publishing
             await reader.publish("elsewhere", b"x" * 100_000, 1)
     assert got == [(size, number % 251) for number, size in enumerate(sizes)]
+
+
+class Decrypted:
+    """As a TLS connection is: a record is decrypted as a whole, and what is left of it makes the socket readable for nobody."""
+
+    def __init__(self, record: bytes) -> None:
+        self.left = record
+
+    def pending(self) -> int:
+        return len(self.left)
+
+
+def test_what_is_left_of_a_tls_record_is_not_waited_for():
+    ours = Decrypted(b"a" * 10_000)
+    got = []
+
+    class Paho:
+        def _sock_recv(self, size):
+            part, ours.left = ours.left[:size], ours.left[size:]
+            if not part:
+                raise BlockingIOError
+            return part
+
+        def loop_read(self, _):
+            got.append(pieces.receive(100))
+            return 0
+
+    pieces = _Pieces(Paho(), 4096, ours.pending)
+    pieces.read_all()
+    assert b"".join(got) == b"a" * 10_000

@@ -97,3 +97,21 @@ async def test_commands_arrive_in_order_and_behind_what_was_said_before_them(qui
     told = [message.seq if suffix == "command/velocity" else f"config {message.stamp:.0f}" for suffix, message, _ in ear.heard]
     expected = [entry for number in range(1, 6) for entry in (f"config {number}", *range(number * 10, number * 10 + 5))]
     assert told == [*expected, *range(100, 150)]
+
+
+@pytest.mark.broker
+async def test_a_command_of_its_moment_does_not_wait_for_what_the_broker_has_yet_to_confirm():
+    """Else one report a second from each of many pages would keep all their commands on the long way."""
+    with running_mosquitto() as broker, Ear(broker.port) as ear:
+        bridge = Bridge(broker.url, ("web", "secret"), random.Random(1))
+        assert await bridge.wait_connected(patient(10))
+        bridge.retain("giraff", "config", m.Config(stamp=1.0))
+        bridge.send("giraff", "command/velocity", velocity(1))
+        assert len(bridge._flying) == 2, "what was said before is not with the client yet"
+        await asyncio.sleep(0)
+        bridge.send("giraff", "command/velocity", velocity(2))
+        assert len(bridge._flying) == 2, "neither is confirmed"
+        await asyncio.to_thread(ear.wait, "command/velocity", lambda command: command.seq == 2)
+        await bridge.close()
+    told = [message.seq if suffix == "command/velocity" else suffix for suffix, message, _ in ear.heard]
+    assert told == ["config", 1, 2]
