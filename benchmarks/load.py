@@ -4,7 +4,7 @@ Robots and visitors are light ones (benchmarks/traffic): real MQTT connections a
 ones, in two processes that stamp every message by the one clock of the computer. More and more of them come, until a message in a
 hundred takes longer than the bound from one end to the other, or something is missing. What then is full stands below the table.
 
-Processor shares are those of one core; `others` is what else ran on the computer. A delay contains what the generators themselves are
+Processor shares are those of one core; `others` is what else ran on the computer, `stolen` what a host gave to other virtual computers. A delay contains what the generators themselves are
 late, which stands beside it: a step in which that is large says little about the server.
 
 `LOAD_PLACES` (demo, server-N) and `LOAD_STEPS` choose what is run.
@@ -65,7 +65,7 @@ class Step:
     @property
     def full(self) -> str:
         """Name what has no room left."""
-        name, share = max(((name, share) for name, share in self.shares.items() if name != "others"), key=lambda pair: pair[1])
+        name, share = max(((name, share) for name, share in self.shares.items() if name not in {"others", "stolen"}), key=lambda pair: pair[1])
         whole = sum(self.shares.values())
         if share >= FULL:
             return f"{name} ({100 * share:.0f} % of its core)"

@@ -29,10 +29,10 @@ def megabytes(pid: int) -> float:
     return int(lines[0].split()[1]) / 1024 if lines else 0.0
 
 
-def busy_seconds() -> float:
-    """Return the time that all cores together were not idle since the computer started."""
+def busy_seconds() -> tuple[float, float]:
+    """Return the time since the computer started that all cores together were not idle, and that a virtual one waited for a real one."""
     fields = [int(field) for field in _read(PROC / "stat").splitlines()[0].split()[1:9]]
-    return (sum(fields) - fields[3] - fields[4]) / TICKS
+    return (sum(fields) - fields[3] - fields[4] - fields[7]) / TICKS, fields[7] / TICKS
 
 
 def _read(path: Path) -> str:
@@ -48,20 +48,25 @@ class Reading:
 
     at: float
     busy: float
+    stolen: float
     taken: dict[str, float]
 
 
 def read(processes: dict[str, int]) -> Reading:
     """Look at processes, given as names and pids."""
     taken = {name: sum(seconds(one) for one in family(pid)) for name, pid in processes.items()}
-    return Reading(time.monotonic(), busy_seconds(), taken)
+    return Reading(time.monotonic(), *busy_seconds(), taken)
 
 
 def between(before: Reading, after: Reading) -> dict[str, float]:
-    """Return the shares of a core that were taken between two looks; `others` is whatever else ran on this computer."""
+    """Return the shares of a core that were taken between two looks.
+
+    `others` is whatever else ran on this computer, `stolen` what other virtual computers took of its cores.
+    """
     passed = after.at - before.at
     shares = {name: (taken - before.taken[name]) / passed for name, taken in after.taken.items()}
-    return {**shares, "others": max(0.0, (after.busy - before.busy) / passed - sum(shares.values()))}
+    others = max(0.0, (after.busy - before.busy) / passed - sum(shares.values()))
+    return {**shares, "others": others, "stolen": (after.stolen - before.stolen) / passed}
 
 
 def memory(processes: dict[str, int]) -> dict[str, float]:
