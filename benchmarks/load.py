@@ -4,8 +4,8 @@ Robots and visitors are light ones (benchmarks/traffic): real MQTT connections a
 ones, in two processes that stamp every message by the one clock of the computer. More and more of them come, until a message in a
 hundred takes longer than the bound from one end to the other, or something is missing. What then is full stands below the table.
 
-Processor shares are those of one core; `others` is what else ran on the computer, `stolen` what a host gave to other virtual computers. A delay contains what the generators themselves are
-late, which stands beside it: a step in which that is large says little about the server.
+Processor shares are those of one core; `others` is what else ran on the computer, `stolen` what a host gave to other virtual computers. A
+delay contains what the generators themselves are late, which stands beside it: a step in which that is large says little about the server.
 
 `LOAD_PLACES` (demo, server-N) and `LOAD_STEPS` choose what is run.
 """
