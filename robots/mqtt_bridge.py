@@ -48,10 +48,10 @@ LISTENED = (
 # At QoS 1 for the record, which the session manager keeps; here the next one comes in a quarter of a second, and an acknowledgement costs
 # nearly as much as a message.
 SHOWN = frozenset({"state"})
-STOP_SECONDS = 3.0
+STOP_SECONDS, STOP_AGAIN_SECONDS = 3.0, 0.1
 MAX_FLYING = 500
 PIECE = 4096  # bytes read at a time, some ten messages: between two pieces pages are sent what there is
-MAX_REPORTS = 2000
+MAX_REPORTS, REPORTS_FLYING = 2000, 100  # kept, and on their way at once: what has gathered must not be in the way of a stop
 # From a message of ours to its handing over, at QoS 1 to the broker's word that it has it.
 BUCKETS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 1.0)
 SEND_SECONDS = Histogram("telepresence_relay_to_robot_seconds", "From a page's message to the broker.", buckets=BUCKETS)
@@ -245,9 +245,8 @@ class Bridge:
         self._send_reports()
 
     def _send_reports(self) -> None:
-        while self.connected and self._reports:
+        while self.connected and self._client is not None and self._reports and len(self._flying) < REPORTS_FLYING:
             topic, payload = self._reports.popleft()
-            assert self._client is not None
             back = functools.partial(self._reports.append, (topic, payload))
             self._launch(functools.partial(self._client.publish, topic, payload, qos=1), failed=back)
 
@@ -272,8 +271,13 @@ class Bridge:
         if self._client is None:
             self._stops.append(stop)
             return
-        again = functools.partial(self._stops.append, stop)
-        self._launch(functools.partial(self._client.publish, stop.topic, stop.payload, qos=1), failed=again)
+        self._launch(functools.partial(self._client.publish, stop.topic, stop.payload, qos=1), failed=functools.partial(self._stop_again, stop))
+
+    def _stop_again(self, stop: _Stop) -> None:
+        if self._client is not None and time.monotonic() + STOP_AGAIN_SECONDS < stop.deadline:
+            self._loop.call_later(STOP_AGAIN_SECONDS, self._fly_stop, stop)
+        else:
+            self._stops.append(stop)
 
     def _launch(self, exchange: Callable[[], Coroutine[Any, Any, Any]], failed: Callable[[], None] | None = None) -> None:
         """Run one exchange with the broker beside everything else; packets leave in the order of the calls."""
@@ -302,6 +306,7 @@ class Bridge:
         else:
             self.counts["sent"] += 1
             SEND_SECONDS.observe(time.monotonic() - began)
+        self._send_reports()
 
 
 def _filters(robot: str) -> tuple[tuple[str, int], ...]:

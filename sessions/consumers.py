@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 from channels.db import database_sync_to_async
 from django.conf import settings
-from django.db import DatabaseError
+from django.db import DatabaseError, InterfaceError
 from django.utils import timezone
 
 from robots import log_ids, mqtt_bridge
@@ -228,7 +228,7 @@ class RobotConsumer(DirectConsumer):
     async def _keep_time(self, visit: Visit) -> None:
         """Say every few seconds that the page is open, and every minute ask whether it may stay."""
         # Pages that came together do not ask together from then on.
-        asked = time.monotonic() - random.random() * WELCOME_EVERY  # noqa: S311
+        asked = time.monotonic() - random.random() * WELCOME_EVERY / 2  # noqa: S311
         pause = random.random() * PAGE_SEEN_EVERY  # noqa: S311
         while True:
             await asyncio.sleep(pause)
@@ -241,7 +241,7 @@ class RobotConsumer(DirectConsumer):
                     async with visit.turn:
                         if await visit.still_welcome():
                             visit.vouch()
-            except DatabaseError as error:
+            except (DatabaseError, InterfaceError) as error:
                 log.warning("page_not_checked robot=%s reason=%s", self.name, error)
 
     async def _send_frame(self, frame: str | bytes) -> None:

@@ -28,12 +28,16 @@ class RollCall:
             DatabaseError: it was not said.
         """
         loop = asyncio.get_running_loop()
-        if self._asking is None or self._asking.get_loop() is not loop:
+        if self._asking is None or self._asking.done() or self._asking.get_loop() is not loop:
             self._present = set()
             self._asking = loop.create_task(self._ask())
             self._asking.add_done_callback(_look_at)
         self._present.add(session)
         return session in await asyncio.shield(self._asking)
+
+    def forget(self, session: str) -> None:
+        """Leave out a page that has closed meanwhile: it would be said to be open after it was said to be gone."""
+        self._present.discard(session)
 
     async def _ask(self) -> set[str]:
         await asyncio.sleep(GATHER_SECONDS)

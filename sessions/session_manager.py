@@ -13,6 +13,7 @@ error when its recorder has died, for then nothing would be recorded any more.
 
 import asyncio
 import functools
+import itertools
 import logging
 import os
 import random
@@ -55,6 +56,7 @@ IDENTIFIER = "session-manager"
 LOOK_SECONDS = 0.5
 HEARTBEAT_SECONDS = 0.5
 GATHER_SECONDS = 0.04
+TOGETHER = 200  # letters on their way to the broker at once, of the thousand that a client keeps
 FLUSH_SECONDS = 20.0
 
 
@@ -204,6 +206,7 @@ class SessionManager:
         inbox = functools.partial(Inbox, self._intake.receive)
         async with broker_address.client(self._address, self._credentials, server_client_id("session-manager"), inbox, clean_session=False) as client:
             read_quickly(client)
+            client.pending_calls_threshold = 2 * TOGETHER
             self._client = client
             self._since = self._clock()
             broker_address.check_subscribed(await client.subscribe(filters()))
@@ -219,7 +222,6 @@ class SessionManager:
         while True:
             self._pressing.clear()
             await self._look_once()
-            await self._deliver()
             await self._renew()
             try:
                 async with asyncio.timeout(LOOK_SECONDS):
@@ -233,6 +235,7 @@ class SessionManager:
             self.recorder.put(item)
 
     async def _renew(self) -> None:
+        """Publish leases before all that a look has found, and the rest after them."""
         published: bool | None = True
         while published:
             published = await self._try(self._timekeeper.renew, timezone.now())
@@ -266,9 +269,10 @@ class SessionManager:
 
         Nobody waits for the letter before: the last of many leases would be a second old, and its visit over by then.
         """
-        for outcome in await asyncio.gather(*map(self._tell, list(self._timekeeper.outbox)), return_exceptions=True):
-            if outcome is not None:
-                raise outcome
+        while letters := list(itertools.islice(self._timekeeper.outbox, TOGETHER)):
+            for outcome in await asyncio.gather(*map(self._tell, letters), return_exceptions=True):
+                if outcome is not None:
+                    raise outcome
 
     async def _tell(self, letter: Letter) -> None:
         await self._client.publish(letter.topic, letter.payload, qos=1, retain=letter.retain)

@@ -200,7 +200,8 @@ class Timekeeper:
         self._publish_lease(lease.robot.name, codec.encode(message))
 
     def _publish_lease(self, robot: str, payload: bytes) -> None:
-        self.outbox.append(Letter(topics.of(robot, "lease"), payload, retain=True))
+        # Before all news: whoever drives without a lease would go on for as long as those take.
+        self.outbox.appendleft(Letter(topics.of(robot, "lease"), payload, retain=True))
 
     # --- ends --------------------------------------------------------------------------------------------------------
 

@@ -254,6 +254,7 @@ class Visit:
             session, peer = self.room.session, self.room.peer
             if session is not None:
                 self.forget()
+                roll_call.forget(session)
                 await database_sync_to_async(turns.page_gone)(session, peer, timezone.now())
 
     # --- small steps -------------------------------------------------------------------------------------------------

@@ -62,6 +62,16 @@ describe("a hand on a picture", () => {
   });
 });
 
+test("a hand that wobbles over the edge is told no more often than one that moves", () => {
+  const hand = new Hand();
+  let said = 0;
+  for (let tick = 0; tick < 1000; tick += 1) {
+    hand.is(tick % 8 < 4 ? [0.5, tick / 1000] : null);
+    said += Number(hand.take(tick / 1000) !== undefined);
+  }
+  assert.ok(said >= 10 && said <= 18, `${said} in a second`);
+});
+
 describe("a dot", () => {
   const told = (dot, stamp, at, now = stamp) => dot.told({ stamp, at }, now);
 

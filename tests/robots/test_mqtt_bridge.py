@@ -6,13 +6,14 @@ import random
 import time
 from dataclasses import replace
 
+import aiomqtt
 import msgspec
 import pytest
 
 from robots.api import codec, picture, topics
 from robots.api import messages as m
 from robots.bridge.delivery import LINK, NEWS
-from robots.mqtt_bridge import STOP_SECONDS, Bridge
+from robots.mqtt_bridge import REPORTS_FLYING, STOP_SECONDS, Bridge
 from tests.support import words
 from tests.support.broker_rig import HOST, KINDS, BrokerRig
 from tests.support.pages import until
@@ -210,6 +211,40 @@ async def test_a_stop_is_tried_again_until_the_broker_is_back_and_a_report_is_ke
             async with asyncio.timeout(patient(10.0)):
                 message = await anext(aiter(manager.messages))
             assert msgspec.json.decode(message.payload)["reason"] == "kept"
+
+
+async def test_a_stop_that_could_not_be_said_is_said_again_while_the_connection_lives(rig, monkeypatch):
+    async with robot_of(rig) as robot, bridge_of(rig) as bridge:
+        publish, refused = bridge._client.publish, []
+
+        async def refuses_twice(topic, payload, **options):
+            if len(refused) < 2:
+                refused.append(topic)
+                raise aiomqtt.MqttError("no room")
+            await publish(topic, payload, **options)
+
+        monkeypatch.setattr(bridge._client, "publish", refuses_twice)
+        bridge.send_stop("giraff", m.Stop(action_id="stop-1", stamp=1.0))
+        await until(lambda: [message.action_id for suffix, message, _ in robot.got if suffix == "command/action"] == ["stop-1"])
+        assert len(refused) == 2
+
+
+async def test_what_has_gathered_for_the_record_goes_in_parts_that_leave_room_for_a_stop(rig, monkeypatch):
+    async with bridge_of(rig) as bridge:
+        waiting, most = asyncio.Event(), []
+
+        async def confirms_late(_topic, _payload, **_options):
+            most.append(len(bridge._flying))
+            await waiting.wait()
+
+        monkeypatch.setattr(bridge._client, "publish", confirms_late)
+        for number in range(3 * REPORTS_FLYING):
+            bridge.report("telepresence/v1/server/page/s1", m.Bye(reason=f"{number}"))
+        await asyncio.sleep(0.05)
+        assert len(bridge._flying) == REPORTS_FLYING
+        waiting.set()
+        await until(lambda: len(most) == 3 * REPORTS_FLYING)
+        assert max(most) == REPORTS_FLYING
 
 
 async def test_a_stop_that_is_older_than_its_patience_is_not_sent(rig, monkeypatch):

@@ -223,7 +223,7 @@ class Liars:
         await self.ada.settle(self.robot)
         await self.bob.settle(self.robot)
         await asyncio.sleep(0.02)  # an honest page's pace: sixty stops a second are all that pass
-        assert self.robot.got == []
+        assert [said for said in self.robot.got if said[1] != m.Stay()] == []  # which the server says of who watches, once a minute
 
 
 async def drain(end):

@@ -13,7 +13,7 @@ from robots import log_ids
 from robots.api import messages as m
 from robots.api.errors import Rejection
 from robots.models import Robot, RobotPermit
-from sessions import consumers, wire
+from sessions import consumers, roll_call, wire
 from sessions.models import Lease, Session
 from telepresence_site import asgi
 from tests.support import words
@@ -640,6 +640,16 @@ async def test_an_open_page_is_seen_and_learns_that_its_session_is_over(bridge, 
                 await asyncio.sleep(0.02)
         await sync_to_async(turns.end)(granted.session, "robot_fault", "robot_offline", timezone.now())
         assert (await page.expect("session/ended")).outcome == "robot_fault"
+
+
+async def test_a_page_that_closes_while_it_is_about_to_be_seen_is_gone(bridge, robot, ada, monkeypatch):
+    monkeypatch.setattr(consumers, "PAGE_SEEN_EVERY", 0.01)
+    monkeypatch.setattr(roll_call, "GATHER_SECONDS", 0.3)
+    async with Page("giraff", ada) as page:
+        await page.take()
+        await asyncio.sleep(0.1)
+    await asyncio.sleep(0.6)
+    assert (await first(Session.objects)).seen_at is None
 
 
 async def test_a_database_that_does_not_answer_is_said_and_the_page_stays(bridge, robot, ada, monkeypatch):

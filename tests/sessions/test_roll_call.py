@@ -50,6 +50,15 @@ async def test_a_page_that_leaves_meanwhile_takes_nobody_else_with_it(asked):
     assert asked == [{"a", "b"}]
 
 
+async def test_a_page_that_has_closed_meanwhile_is_not_said_to_be_open(asked):
+    pages = RollCall()
+    closes, stays = (asyncio.create_task(pages.seen(session)) for session in ("a", "b"))
+    await asyncio.sleep(0)
+    pages.forget("a")
+    assert (await closes, await stays) == (False, True)
+    assert asked == [{"b"}]
+
+
 def test_a_roll_call_of_a_loop_that_is_over_is_not_waited_for(asked):
     pages = RollCall()
 

@@ -248,6 +248,20 @@ def test_robots_that_were_taken_together_are_renewed_apart_and_each_in_time(ana,
     assert len({tuple(moments) for moments in told.values()}) > 1, "all at once for ever"
 
 
+def test_that_nobody_drives_is_told_before_the_news_of_what_has_ended(giraff, ana):
+    granted = turns.take(giraff, ana, "peer-1", now=NOW)
+    Session.objects.update(state="driving", driving_at=NOW)
+    keeper = Timekeeper()
+    assert keeper.renew(after(0.5))
+    keeper.outbox.clear()
+    turns.end(granted.session, Session.Outcome.STOPPED_BY_OPERATOR, "", after(0.9))
+    keeper.look({}, Link(since=NOW.timestamp()), after(1))
+    assert keeper.renew(after(1))
+    first, *others = keeper.outbox
+    assert (first.topic, first.payload, first.retain) == (topics.of("giraff", "lease"), b"", True)
+    assert topics.session_news(granted.session) in [letter.topic for letter in others]
+
+
 def test_a_grant_that_begins_while_the_scene_is_read_is_not_taken_for_a_leftover(giraff, ana, monkeypatch):
     objects = Session.objects.filter
     began = []

@@ -1,7 +1,6 @@
 """`manage.py run_session_manager`: one a site; a second one waits for the first to end."""
 
 import asyncio
-import os
 import random
 import signal
 import sys
@@ -15,7 +14,6 @@ from robots.credentials import server_credentials
 from sessions.session_manager import RecorderDied, SessionManager
 
 SWITCH_SECONDS = 0.0005
-NICE = 5  # where cores are short, the record can wait, and what passes between pages and robots cannot
 
 
 class Command(BaseCommand):
@@ -25,11 +23,9 @@ class Command(BaseCommand):
     requires_system_checks: list[str] = ["telepresence", "security"]  # of the settings; to check every page takes a second
 
     def handle(self, *_args: Any, **_options: Any) -> None:
-        # The loop reads its socket byte by byte and gives the interpreter away each time; by default the recorder's thread then keeps
-        # it for 5 ms (measured: a third more states a second, and a quicker lease).
+        # The loop gives the interpreter away with every system call; by default the recorder's thread then keeps it for 5 ms (measured: a
+        # third more states a second, and a quicker lease).
         sys.setswitchinterval(SWITCH_SECONDS)
-        if hasattr(os, "nice"):  # everywhere but on Windows
-            os.nice(NICE)
         try:
             asyncio.run(self._run())
         except BadAddress as error:

@@ -114,13 +114,13 @@ export const createDots = ({ video, layer, own, hovers, say, onLift = () => unde
   layer.addEventListener("pointerleave", () => pressed === null && leave());
 
   return {
+    /** The picture lies elsewhere in its element, for a reason that is no size. */
+    place,
     /** Whether dots are shown and the hand is heard from now on. @param {boolean} may @param {string} name of the visitor, whose initial their dot bears */
     allow: (may, name) => {
       write(sides.driver.element, (Array.from(name)[0] ?? "").toUpperCase());
-      if (may) {
-        place();
-      }
       if (may !== open) {
+        place();
         if (!may) {
           pressed = null;
           leave();

@@ -55,7 +55,7 @@ export class Hand {
   take(now) {
     const { spot, said } = this;
     const isNews = spot?.[0] !== said?.[0] || spot?.[1] !== said?.[1];
-    const pause = spot === null ? 0 : isNews ? EVERY : AGAIN;
+    const pause = spot === null ? 0 : !isNews ? AGAIN : said === null ? 2 * EVERY : EVERY; // that it is gone is told at once, and counts
     if ((!isNews && !this.pressed) || now - this.saidAt < pause) {
       return undefined;
     }

@@ -245,7 +245,11 @@ const show = () => {
   element("trouble").hidden = giving.trouble === "";
   write(element("trouble"), giving.trouble && words.say(giving.trouble === "refused" ? "give.refused" : "give.missing"));
   // A face may lose its edges to fill the display; a screen that is shown has to be read to them.
-  video.toggleAttribute("data-whole", whole || Math.abs(video.videoWidth / video.videoHeight - 4 / 3) > 0.2);
+  const isWhole = whole || Math.abs(video.videoWidth / video.videoHeight - 4 / 3) > 0.2;
+  if (isWhole !== video.hasAttribute("data-whole")) {
+    video.toggleAttribute("data-whole", isWhole);
+    dots.place();
+  }
   dots.allow(canPoint, shownName);
   audio.volume = Math.min(1, sound * loudness());
   audio.muted = sound === 0;

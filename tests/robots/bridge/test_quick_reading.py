@@ -1,17 +1,21 @@
 """A client that reads in large pieces."""
 
 import asyncio
+import contextlib
+import socket
+from types import SimpleNamespace
 
 import aiomqtt
+import paho.mqtt.client
 import pytest
 
 from robots.bridge.quick_reading import CHUNK, _Pieces, read_quickly
+from robots.broker import packets
 from tests.support.patience import patient
 from tests.support.recorder_rig import HOST, running_mosquitto
 
-pytestmark = pytest.mark.broker
 
-
+@pytest.mark.broker
 @pytest.mark.parametrize("chunk", [CHUNK, 4096])
 async def test_everything_arrives_in_order_whatever_its_size(chunk):
     """Fails when paho or aiomqtt are not any more what robots/bridge/quick_reading.py takes them for."""
@@ -43,21 +47,47 @@ class Decrypted:
         return len(self.left)
 
 
-def test_what_is_left_of_a_tls_record_is_not_waited_for():
+async def test_what_is_left_of_a_tls_record_is_not_waited_for():
     ours = Decrypted(b"a" * 10_000)
     got = []
 
     class Paho:
+        _in_packet = {"command": 0}
+
         def _sock_recv(self, size):
             part, ours.left = ours.left[:size], ours.left[size:]
-            if not part:
-                raise BlockingIOError
             return part
 
         def loop_read(self, _):
-            got.append(pieces.receive(100))
+            with contextlib.suppress(BlockingIOError):
+                got.append(pieces.receive(100))
             return 0
 
     pieces = _Pieces(Paho(), 4096, ours.pending)
     pieces.read_all()
+    assert len(b"".join(got)) == 4096, "a piece in a turn"
+    for _ in range(5):
+        await asyncio.sleep(0)
     assert b"".join(got) == b"a" * 10_000
+
+
+def test_one_turn_of_the_loop_takes_a_piece_of_a_long_queue_and_the_packet_in_which_it_ends():
+    size, count = 500, 150
+    client = paho.mqtt.client.Client(paho.mqtt.client.CallbackAPIVersion.VERSION2)
+    got = []
+    client.on_message = lambda _client, _userdata, message: got.append(message.payload)
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        ours.setblocking(False)
+        client._sock = ours
+        sent = [bytes([number]) * size for number in range(count)]
+        theirs.sendall(b"".join(packets.publish(packets.Publish("t", payload)) for payload in sent))
+        assert read_quickly(SimpleNamespace(_client=client), 4096)
+        turns = []
+        while len(got) < count:
+            before = len(got)
+            assert client.loop_read() == 0
+            turns.append(len(got) - before)
+    assert got == sent
+    assert max(turns) <= 4096 // size + 1
+    assert min(turns) >= 1
