@@ -255,8 +255,8 @@ async def place(page: Page, video: str, at: tuple[float, float]) -> tuple[float,
 
 async def point(page: Page, video: str, side: str, at: tuple[float, float], *others: tuple[Page, str]) -> None:
     """Move the mouse about a spot of a picture until the dot of a side is there, here and at the others: a hand never rests quite still."""
-    x, y = await place(page, video, at)
     for step in range(int(patient(15) / 0.1)):
+        x, y = await place(page, video, at)  # anew, as a page that has just changed its size may still move things
         await page.mouse.move(x + step % 2, y)
         await asyncio.sleep(0.1)
         found = [await one.evaluate(SPOT.format(video=over, dot=f"{LAYERS[over]} .dot--{side}")) for one, over in ((page, video), *others)]
