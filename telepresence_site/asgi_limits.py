@@ -8,7 +8,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from accounts.client_address import counted, visitor_address
-from sessions.rates import Bucket
+from robots.api.bucket import Bucket
 
 log = logging.getLogger(__name__)
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from robots.agent.permissions import Sender, forbidden, mismatch, role_of
+from robots.api.bucket import Bucket
 from robots.api.messages import Lease, PointCommand
 
 log = logging.getLogger(__name__)
@@ -22,11 +23,10 @@ FORGOTTEN = 5.0  # s after which a peer's stamps may begin anew: its clock was s
 
 @dataclass
 class Hand:
-    """What is known of one peer: the newest stamp by its clock, when it came, and how many dots it may still send at once."""
+    """What is known of one peer: the newest stamp by its clock, and how many dots it may still send at once."""
 
-    stamp: float
-    at: float
-    left: float
+    bucket: Bucket
+    stamp: float = float("-inf")
 
 
 class Pointing:
@@ -70,16 +70,14 @@ class Pointing:
     def _lateness(self, peer: str, stamp: float, now: float) -> str | None:
         """Return why a dot of a peer that may point is not taken all the same, or None, and remember it."""
         hand = self._hands.pop(peer, None)
-        if hand is None or now - hand.at > FORGOTTEN:
-            hand = Hand(stamp=float("-inf"), at=now, left=BURST)
+        if hand is None or now - hand.bucket.at > FORGOTTEN:
+            hand = Hand(Bucket(RATE, BURST))
         self._hands[peer] = hand  # the last one of all, so that the first is whoever has not pointed for longest
         if len(self._hands) > PEERS:
             del self._hands[next(iter(self._hands))]
         if stamp <= hand.stamp:
             return "old"
-        hand.left, hand.at = min(BURST, hand.left + (now - hand.at) * RATE), now
-        if hand.left < 1.0:
+        if not hand.bucket.spend(now):
             return "rate"
-        hand.left -= 1.0
         hand.stamp = stamp
         return None
