@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 from channels.db import database_sync_to_async
-from django.db import DatabaseError
+from django.db import DatabaseError, InterfaceError
 
 from robots import log_ids, mqtt_bridge
 from robots.api.messages import Action, Bye, Stay
@@ -135,7 +135,7 @@ class ScreenConsumer(DirectConsumer):
                         self.outbox.end(wire.NOT_ALLOWED)
                     else:
                         self._tell_robot(Stay())
-            except DatabaseError as error:
+            except (DatabaseError, InterfaceError) as error:
                 log.warning("screen_not_checked robot=%s reason=%s", self.name, error)
 
     def _tell_robot(self, signal: Bye | Stay) -> None:

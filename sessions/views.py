@@ -12,7 +12,7 @@ from csp.decorators import csp_replace
 from django.conf import settings
 from django.contrib.auth.decorators import login_required
 from django.core.exceptions import PermissionDenied
-from django.db import DatabaseError
+from django.db import DatabaseError, InterfaceError
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import get_object_or_404, render
 from django.urls import reverse
@@ -146,7 +146,7 @@ async def healthz(_request: HttpRequest) -> JsonResponse:
 def _database_answers() -> bool:
     try:
         User.objects.exists()
-    except DatabaseError as error:
+    except (DatabaseError, InterfaceError) as error:
         log.warning("database_away reason=%s", error)
         return False
     return True

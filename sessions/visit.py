@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 from channels.db import database_sync_to_async
 from django.conf import settings
-from django.db import DatabaseError
+from django.db import DatabaseError, InterfaceError
 from django.utils import timezone
 
 from accounts.models import User
@@ -65,7 +65,7 @@ class Visit:
             try:
                 if not self.outbox.closed and await self.still_welcome():
                     await self._do(verb)
-            except (DatabaseError, turns.LeaseContention):
+            except (DatabaseError, InterfaceError, turns.LeaseContention):
                 log.exception("verb_failed robot=%s verb=%s", self.robot.name, type(verb).__name__)
                 self.outbox.post("denied", wire.Denied(suffix=f"session/{type(verb).__name__.lower()}", reason="unavailable"))
         self.company.changed()

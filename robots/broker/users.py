@@ -4,7 +4,7 @@ from collections.abc import Awaitable, Callable
 from functools import cache
 
 from channels.db import database_sync_to_async
-from django.db import DatabaseError
+from django.db import DatabaseError, InterfaceError
 from django.utils import timezone
 from django.utils.crypto import salted_hmac
 
@@ -49,7 +49,7 @@ def users_now() -> dict[str, BrokerUser]:
     """
     try:
         return {user.name: user for user in (*_server_users(), *_robot_users())}
-    except DatabaseError as error:
+    except (DatabaseError, InterfaceError) as error:
         raise UsersUnavailableError(str(error)) from error
 
 

@@ -3,7 +3,6 @@
 import asyncio
 import datetime
 import hashlib
-import random
 import time
 from collections.abc import Callable
 
@@ -15,12 +14,9 @@ from django.utils import timezone
 
 from accounts.models import User
 from robots.api import codec, messages, topics
-from robots.bridge.broker_address import MAX_INFLIGHT
 from robots.models import Robot
 from sessions import signals, turns, wire
 from sessions.models import Lease, NetworkSample, Session, SessionEvent, Snapshot, StateChunk, SystemLog
-from sessions.session_manager import TOGETHER, SessionManager
-from sessions.timekeeper import Letter, Timekeeper
 from tests.support.lateness import watched
 from tests.support.patience import patient
 from tests.support.recorder_rig import HOST, ManagerProcess, ScriptedRobot, running_manager, running_mosquitto, wait_for
@@ -519,44 +515,3 @@ async def test_received_stamps_are_the_recorders_own(broker, giraff, visitors):
         session = await drive(visitors["ana"], robot)
         chunk = await wait_for(lambda: StateChunk.objects.filter(session=session).first())
         assert begun <= chunk.received_at <= datetime.datetime.now(datetime.UTC).timestamp()
-
-
-class Broker:
-    """A client that confirms what it is asked to, and loses the connection at one message."""
-
-    def __init__(self, lost: str) -> None:
-        self.lost, self.told, self.waiting, self.most = lost, [], 0, 0
-
-    async def publish(self, topic, payload, qos, retain):
-        self.told.append(topic)
-        self.waiting += 1
-        self.most = max(self.most, self.waiting)
-        await asyncio.sleep(0)
-        self.waiting -= 1
-        if topic == self.lost:
-            raise aiomqtt.MqttError("gone")
-
-
-async def test_what_the_broker_did_not_confirm_is_told_again_in_order_and_nothing_else():
-    manager = SessionManager("mqtt://nowhere", ("session-manager", "unused"), random.Random(1))
-    manager._timekeeper = Timekeeper()
-    outbox = manager._timekeeper.outbox
-    outbox.extend(Letter(f"t/{number}", b"x") for number in range(5))
-    manager._client = broker = Broker(lost="t/2")
-    with pytest.raises(aiomqtt.MqttError, match="gone"):
-        await manager._deliver()
-    assert broker.told == [f"t/{number}" for number in range(5)]
-    assert [letter.topic for letter in outbox] == ["t/2"]
-    broker.lost = ""
-    await manager._deliver()
-    assert not outbox
-
-
-async def test_no_more_letters_are_on_their_way_than_a_client_keeps():
-    manager = SessionManager("mqtt://nowhere", ("session-manager", "unused"), random.Random(1))
-    manager._timekeeper = Timekeeper()
-    manager._timekeeper.outbox.extend(Letter(f"t/{number}", b"x") for number in range(3 * TOGETHER))
-    manager._client = broker = Broker(lost="")
-    await manager._deliver()
-    assert broker.told == [f"t/{number}" for number in range(3 * TOGETHER)]
-    assert broker.most == TOGETHER <= MAX_INFLIGHT / 2
