@@ -220,29 +220,33 @@ async def test_the_robots_own_page_gives_picture_and_sound_where_the_robot_has_n
     assert complaints == []
 
 
-# Where the middle of a dot is in the picture over which it lies: shares of the picture, without the bars beside it; null while there is none.
-SPOT = """() => {{
-  const [video, dot] = ["{video}", "{dot}"].map((selector) => document.querySelector(selector));
-  if (!dot.hasAttribute("data-on")) return null;
-  const [box, spot] = [video, dot].map((element) => element.getBoundingClientRect());
-  const scale = Math.min(box.width / video.videoWidth, box.height / video.videoHeight);
-  const [width, height] = [scale * video.videoWidth, scale * video.videoHeight];
-  const [left, top] = [box.left + (box.width - width) / 2, box.top + (box.height - height) / 2];
-  return [(spot.left + spot.width / 2 - left) / width, (spot.top + spot.height / 2 - top) / height];
-}}"""
-PLACE = """([selector, [x, y]]) => {
-  const video = document.querySelector(selector);
+# Where the picture of a video is on the page, without the bars beside it; CSS pixels.
+PICTURE = """const pictureOf = (video) => {
   const box = video.getBoundingClientRect();
   const scale = Math.min(box.width / video.videoWidth, box.height / video.videoHeight);
-  return [box.left + box.width / 2 + (x - 0.5) * scale * video.videoWidth, box.top + box.height / 2 + (y - 0.5) * scale * video.videoHeight];
-}"""
-# How far the layer of the dots is from the picture beneath, CSS pixels, after the page has changed its size.
-LAID = """() => {
-  const [video, layer] = ["#shared-video", "#shared-dots"].map((selector) => document.querySelector(selector));
-  const [box, over] = [video, layer].map((element) => element.getBoundingClientRect());
-  const scale = Math.min(box.width / video.videoWidth, box.height / video.videoHeight);
-  return Math.abs(over.width - scale * video.videoWidth) + Math.abs(over.height - scale * video.videoHeight);
-}"""
+  const [width, height] = [scale * video.videoWidth, scale * video.videoHeight];
+  return { left: box.left + (box.width - width) / 2, top: box.top + (box.height - height) / 2, width, height };
+};"""
+# Where the middle of a dot is, in shares of the picture; null while there is none.
+SPOT = f"""([video, dot]) => {{
+  {PICTURE}
+  const element = document.querySelector(dot);
+  if (!element.hasAttribute("data-on")) return null;
+  const [picture, spot] = [pictureOf(document.querySelector(video)), element.getBoundingClientRect()];
+  return [(spot.left + spot.width / 2 - picture.left) / picture.width, (spot.top + spot.height / 2 - picture.top) / picture.height];
+}}"""
+PLACE = f"""([video, [x, y]]) => {{
+  {PICTURE}
+  const picture = pictureOf(document.querySelector(video));
+  return [picture.left + x * picture.width, picture.top + y * picture.height];
+}}"""
+# How far the layer of the dots is from the size of the picture beneath, after the page has changed its own.
+LAID = f"""() => {{
+  {PICTURE}
+  const picture = pictureOf(document.querySelector("#shared-video"));
+  const layer = document.querySelector("#shared-dots").getBoundingClientRect();
+  return Math.abs(layer.width - picture.width) + Math.abs(layer.height - picture.height);
+}}"""
 NEAR = 0.02  # of the picture
 SMALL, LARGE = "#shared-video", "#video"
 LAYERS = {SMALL: "#shared-dots", LARGE: "#dots"}
@@ -259,7 +263,7 @@ async def point(page: Page, video: str, side: str, at: tuple[float, float], *oth
         x, y = await place(page, video, at)  # anew, as a page that has just changed its size may still move things
         await page.mouse.move(x + step % 2, y)
         await asyncio.sleep(0.1)
-        found = [await one.evaluate(SPOT.format(video=over, dot=f"{LAYERS[over]} .dot--{side}")) for one, over in ((page, video), *others)]
+        found = [await one.evaluate(SPOT, [over, f"{LAYERS[over]} .dot--{side}"]) for one, over in ((page, video), *others)]
         if all(spot and max(abs(spot[0] - at[0]), abs(spot[1] - at[1])) < NEAR for spot in found):
             return
     raise AssertionError(f"no dot at {at}; the last were {found}")
@@ -331,9 +335,13 @@ async def test_what_either_side_points_at_is_seen_at_the_same_place_of_the_pictu
     assert site.pointed[-1][1].at is None
     assert all(command.linear == command.angular == 0.0 for _, command in site.applied[before:])
     assert site.asked[-1].shares is True
+    assert complaints == []
 
-    # The bars beside the picture are no picture.
-    counted = len(site.pointed)
+
+async def test_bars_are_no_picture_keys_drive_on_and_dots_find_another_way_until_nothing_is_shown(chromium, site) -> None:
+    complaints: list[str] = []
+    page, screen = await shown(chromium, site, complaints)
+    before, counted = len(site.applied), len(site.pointed)
     box = await screen.locator("#video").bounding_box()
     await screen.mouse.click(box["x"] + box["width"] / 2, box["y"] + 5)
     await point(page, SMALL, "driver", (0.5, 0.5), (screen, LARGE))
