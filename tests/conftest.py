@@ -13,8 +13,8 @@ HERE = Path(__file__).parent
 # Real browsers, brokers, processes and safety bounds: what is measured in them is time, which a neighbour would take. All other tests compute.
 ALONE = (
     "browser", "experiments/bots/test_pace.py", "experiments/test_task_live.py", "robots/agent/adapters/test_whole_agent.py",
-    "robots/agent/lab/test_control_network.py", "robots/agent/media", "robots/agent/test_agent.py", "robots/agent/test_autonomous_drive.py",
-    "robots/agent/test_blocked_loop.py", "robots/agent/test_control.py", "robots/agent/test_self_driving.py", "sessions/test_session_manager.py",
+    "robots/agent/media", "robots/agent/test_agent.py", "robots/agent/test_autonomous_drive.py",
+    "robots/agent/test_blocked_loop.py", "timing", "sessions/test_session_manager.py",
     "site/test_adapters.py", "site/test_bots.py", "site/test_demo.py", "site/test_rehearsing.py", "site/test_server.py",
 )  # fmt: skip
 # Of those folders, what shows pages or computes and drives no robot.

@@ -64,10 +64,9 @@ class ControlLoop:
         self.failed = True  # until it has ended well; why it did not, threading.excepthook is told
         self._adapter, self._link, self._store, self._boot = AdapterLink(adapter, rng=rng), link, store, boot
         self._times, self._networks = times or Times(), networks
-        self._thread = threading.Thread(target=self._run, name="control", daemon=True)
+        self._thread = threading.Thread()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._pilot: Pilot | None = None
-        self._media: Media | None = None
         self._closing = threading.Event()
         self._ready, self._ended = threading.Event(), threading.Event()
         self._beside: set[asyncio.Task[None]] = set()
@@ -77,7 +76,7 @@ class ControlLoop:
 
     def start(self, media: Media) -> None:
         """Start the thread; `media` hears signals, leases and telemetry, and takes pictures."""
-        self._media = media
+        self._thread = threading.Thread(target=self._run, args=(media,), name="control", daemon=True)
         self._thread.start()
         self._ready.wait()
 
@@ -113,24 +112,12 @@ class ControlLoop:
 
     # --- the thread --------------------------------------------------------------------------------------------------
 
-    def _run(self) -> None:
-        set_nice(FIRST)
-        try:
-            # Not asyncio.run: on Windows its default loop can watch no sockets that are not its own, which MQTT needs.
-            with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
-                runner.run(self._main())
-            self.failed = False
-        finally:
-            self._loop = None
-            self._ready.set()
-            self._ended.set()
-
-    async def _main(self) -> None:
-        assert self._media is not None
+    async def run(self, media: Media) -> None:
+        """Control the robot on the caller's own event loop until `close` was called; `start` gives it a thread of its own."""
         loop = self._loop = asyncio.get_running_loop()
         # What is done beside the loop (disks, pictures, a simulator that is started) has no business to go first.
         loop.set_default_executor(ThreadPoolExecutor(thread_name_prefix="beside", initializer=set_nice, initargs=(ORDINARY,)))
-        parts = Parts(self.kernel, self._adapter, self._link, self._media, self._store, self._times, self._boot, self._networks)
+        parts = Parts(self.kernel, self._adapter, self._link, media, self._store, self._times, self._boot, self._networks)
         pilot = self._pilot = Pilot(parts, self._spawn)
         adapter = asyncio.create_task(self._adapter.run(pilot))
         link = asyncio.create_task(self._link.run(pilot))
@@ -145,6 +132,18 @@ class ControlLoop:
             self._link.close()
             await asyncio.wait({link}, timeout=FAREWELL_TIME)
             await _cancel(link, *self._beside)
+
+    def _run(self, media: Media) -> None:
+        set_nice(FIRST)
+        try:
+            # Not asyncio.run: on Windows its default loop can watch no sockets that are not its own, which MQTT needs.
+            with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
+                runner.run(self.run(media))
+            self.failed = False
+        finally:
+            self._loop = None
+            self._ready.set()
+            self._ended.set()
 
     async def _until_closing(self, pilot: Pilot, vital: set[asyncio.Task[None]]) -> None:
         """Tick at 50 Hz, and at the very moment of the deadman, until `close()` was called or one of `vital` fails."""

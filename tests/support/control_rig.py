@@ -1,9 +1,8 @@
 """A control loop with a scripted robot, a broker in memory, and a media side that only listens; and a driver who does not tire."""
 
 import random
-import threading
-import time
 
+import msgspec
 import numpy as np
 
 from robots.agent.adapters.contract import Frame
@@ -15,6 +14,7 @@ from robots.api.codec import encode_frame
 from tests.support.memory_broker import MemoryLink
 from tests.support.patience import patient
 from tests.support.scripted_robot import ScriptedRobot
+from tests.support.virtual_time import RealTime, VirtualTime
 
 QUICK = 0.05  # s; half of it is what a clock may be wrong by
 
@@ -59,55 +59,74 @@ class ListeningMedia:
 
 
 class ControlRig:
-    """Use as a context manager."""
+    """Use as a context manager. Time is virtual: it passes only while the test waits. `ThreadedControlRig` is the one in real time."""
 
     def __init__(self, directory, *, robot=None, boot="boot-1", media=None, networks=CLEAN):
-        self.robot = robot or ScriptedRobot()
-        self.link, self.media, self.store = MemoryLink(), media or ListeningMedia(), Store(directory)
+        self.time = self.clock()
+        self.robot = robot or ScriptedRobot(times=self.time.times)
+        self.link, self.media, self.store = MemoryLink(self.time), media or ListeningMedia(), Store(directory)
         capabilities = frozenset((*self.robot.profile.capabilities, "photo", "say", "call"))
         self.control = ControlLoop(
-            adapter=self.robot, capabilities=capabilities, link=self.link, store=self.store, boot=boot, rng=random.Random(1), networks=networks
-        )
+            adapter=self.robot, capabilities=capabilities, link=self.link, store=self.store, boot=boot, rng=random.Random(1),
+            times=self.time.times, networks=networks,
+        )  # fmt: skip
         self.seq = 0
         self._beats = 0
-        self._driving = threading.Event()
+
+    clock = VirtualTime
 
     def __enter__(self):
-        self.control.start(self.media)
+        self.start()
         self.wait(lambda: self.link.connected and self.control.kernel.fault is None)
         return self
 
     def __exit__(self, *_):
-        self._driving.clear()
+        self.close()
+        self.time.close()
+
+    def start(self):
+        self._running = self.time.loop.create_task(self.control.run(self.media))
+
+    def close(self):
         self.control.close()
+        self.time.run(self._running)
 
     @property
     def kernel(self):
         return self.control.kernel
 
-    @staticmethod
-    def wait(condition, within=5.0):
-        deadline = time.monotonic() + patient(within)
-        while not condition():
-            assert time.monotonic() < deadline, "what was waited for did not come"
-            time.sleep(0.005)
+    def now(self):
+        return self.time.now()
+
+    def unix(self):
+        return self.time.unix()
+
+    def sleep(self, seconds):
+        self.time.sleep(seconds)
+
+    def wait(self, condition, within=5.0, what="what was waited for"):
+        self.time.wait(condition, within, what)
+
+    def post(self, call, *arguments):
+        """Have something done by the control loop."""
+        self.time.loop.call_soon_threadsafe(call, *arguments)
 
     def lease(self, *, renewal=0, session="s1", epoch=1, peer="p1", retained=False, **fields):
         fields = {"video": "none"} | fields
-        lease = m.Lease(session=session, epoch=epoch, peer=peer, who="Ada", renewal=renewal, stamp=time.time(), **fields)
+        lease = m.Lease(session=session, epoch=epoch, peer=peer, who="Ada", renewal=renewal, stamp=self.unix(), **fields)
         self.link.say("lease", lease, retained=retained)
 
     def grant(self, **fields):
         """A lease, and a driver whose clock the robot knows and who holds no key."""
         self.lease(**fields)
-        self.wait(lambda: self.kernel.leases.live(time.monotonic()) is not None)
+        self.wait(lambda: self.kernel.leases.live(self.now()) is not None)
         self.know_clock(fields.get("peer", "p1"))
         self.push(0.0, peer=fields.get("peer", "p1"), epoch=fields.get("epoch", 1), session=fields.get("session", "s1"))
         self.wait(lambda: not self.kernel.held)
 
     def know_clock(self, peer="p1", within=5.0):
         """Echo the robot's beats until it knows a clock well: an echo that a busy machine kept waiting makes every command look old."""
-        deadline = time.monotonic() + patient(within)
+        begun = self.now()
         while True:
             beat = self.link.wait("heartbeat", since=self.link.count)
             for _ in range(3):
@@ -115,12 +134,12 @@ class ControlRig:
             self.wait(lambda: self.kernel.clocks.of(peer) is not None)
             if min(list(self.kernel.clocks.of(peer).samples))[0] < QUICK:
                 return
-            assert time.monotonic() < deadline, "no echo comes back soon"
+            assert self.now() < begun + patient(within), "no echo comes back soon"
 
     def beat(self, peer="p1", way="datachannel", of=None):
         beat = of or self.link.wait("heartbeat")
         self._beats += 1
-        now = time.time()
+        now = self.unix()
         answer = m.CommandHeartbeat(n=self._beats, stamp=now, peer=peer, echo=m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=now))
         if way == "mqtt":
             self.link.say("command/heartbeat", answer)
@@ -132,7 +151,7 @@ class ControlRig:
 
     def command(self, linear=0.5, angular=0.0, **fields):
         self.seq += 1
-        values = {"session": "s1", "epoch": 1, "seq": self.seq, "stamp": time.time(), "method": "keyboard"} | fields
+        values = {"session": "s1", "epoch": 1, "seq": self.seq, "stamp": self.unix(), "method": "keyboard"} | fields
         return m.VelocityCommand(linear=linear, angular=angular, **values)
 
     def push(self, linear=0.5, *, peer="p1", role="driver", way="datachannel", **fields):
@@ -146,13 +165,15 @@ class ControlRig:
     def drive(self, linear=0.5, *, until=None, way="datachannel", within=5.0, every=0.05, **fields):
         """Push at 20 Hz until the condition holds (by default: until the base is told so)."""
         until = until or (lambda: abs(self.robot.told.linear - linear) < 1e-6)
-        deadline = time.monotonic() + patient(within)
+        begun = self.now()
         while not until():
-            assert time.monotonic() < deadline, f"never so: {self.robot.velocities()[-3:]} {self.kernel.refused}"
+            assert self.now() < begun + patient(within), f"never so: {self.robot.velocities()[-3:]} {self.kernel.refused}"
             self.push(linear, way=way, **fields)
-            time.sleep(every)
+            self.sleep(every)
 
     def act(self, action, *, way="mqtt", peer="p1"):
+        """Ask for an action, now unless it says when it was asked for."""
+        action = action if action.stamp else msgspec.structs.replace(action, stamp=self.unix())
         if way == "mqtt":
             self.link.say("command/action", action)
         else:
@@ -160,3 +181,18 @@ class ControlRig:
 
     def status(self, action_id, status, within=5.0):
         return self.link.wait("action", lambda a: a.action_id == action_id and a.status == status, within=within)
+
+
+class ThreadedControlRig(ControlRig):
+    """The control loop in its thread, as an agent runs it, in real time."""
+
+    clock = RealTime
+
+    def start(self):
+        self.control.start(self.media)
+
+    def close(self):
+        self.control.close()
+
+    def post(self, call, *arguments):
+        self.control._loop.call_soon_threadsafe(call, *arguments)

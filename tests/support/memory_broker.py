@@ -1,25 +1,23 @@
 """A broker in memory: what an agent publishes is decoded and kept in order, and a test speaks for the server.
 
-Messages cross threads as they do in reality: the agent's end lives on its control loop, the test's wherever the test is.
+The agent's end lives on its control loop, the test's wherever the test is: messages may cross threads, as they do in reality.
 """
 
 import asyncio
-import threading
-import time
 
 from robots.agent.outbox import Outbox, letter
 from robots.api import codec
-from tests.support.patience import patient
+from tests.support.virtual_time import RealTime
 
 
 class MemoryLink:
     """The agent's end (ways_out.Link): connects at once, can be cut and mended, keeps what must not be lost meanwhile."""
 
-    def __init__(self):
+    def __init__(self, time=RealTime):
         self.connected = False
         self.outbox = Outbox()
-        self.sent = []  # (suffix, message), decoded
-        self._news = threading.Condition()
+        self.sent = []  # (suffix, message), decoded; only ever appended to, so that any thread may read it
+        self._time = time
         self._loop = self._inbox = None
         self._closing = None
 
@@ -46,9 +44,7 @@ class MemoryLink:
         while self.connected and len(self.outbox):
             message = self.outbox.take()
             self.outbox.acknowledged(message)
-            with self._news:
-                self.sent.append((message.suffix, codec.decode(message.suffix, message.payload, "from_robot")))
-                self._news.notify_all()
+            self.sent.append((message.suffix, codec.decode(message.suffix, message.payload, "from_robot")))
 
     # --- the server's side ---------------------------------------------------------------------------------------------
 
@@ -72,21 +68,22 @@ class MemoryLink:
         self._loop.call_soon_threadsafe(take)
 
     def all(self, suffix):
-        with self._news:
-            return [message for name, message in self.sent if name == suffix]
+        return [message for name, message in self.sent if name == suffix]
 
     def wait(self, suffix, wanted=lambda _: True, *, since=0, within=5.0):
         """Wait for a message of the robot that `wanted` accepts, the `since`-th or later of all, and return it."""
-        deadline = time.monotonic() + patient(within)
-        with self._news:
-            while True:
-                for name, message in self.sent[since:]:
-                    if name == suffix and wanted(message):
-                        return message
-                if not self._news.wait(deadline - time.monotonic()) and time.monotonic() >= deadline:
-                    raise AssertionError(f"no such {suffix} in {within} s; the last of {len(self.sent)}: {self.sent[-5:]}")
+        found = []
+
+        def has_come():
+            nonlocal since
+            until = len(self.sent)
+            found.extend(message for name, message in self.sent[since:until] if name == suffix and wanted(message))
+            since = until
+            return found
+
+        self._time.wait(has_come, within, lambda: f"such a {suffix} (the last of {len(self.sent)}: {self.sent[-5:]})")
+        return found[0]
 
     @property
     def count(self):
-        with self._news:
-            return len(self.sent)
+        return len(self.sent)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from robots.agent.adapters.contract import ActionProgress, AdapterError, Profile, RcaState
 from robots.agent.motion import ZERO
+from robots.agent.times import Times
 from robots.api import messages as m
 
 LIMITS = m.Limits(
@@ -46,6 +47,7 @@ class ScriptedRobot:
     refuses: str = ""  # non-empty: no action can be started
     hanging: bool = False  # an action that is started never answers
     finishes: bool = True  # actions run until their end, instead of for ever
+    times: Times = field(default_factory=Times)  # whose clock its readings and what it was told are stamped with
 
     def __post_init__(self):
         self.lock = threading.Lock()
@@ -65,7 +67,7 @@ class ScriptedRobot:
         if self.lost or self.deaf:
             raise AdapterError(self.lost or "the base does not listen")
         with self.lock:
-            self.applied.append((time.monotonic(), velocity))
+            self.applied.append((self.times.now(), velocity))
         return velocity
 
     async def start(self, action):
@@ -90,7 +92,7 @@ class ScriptedRobot:
             if self.lost:
                 raise AdapterError(self.lost)
             if not self.silent:
-                yield replace(self.reading, stamp=time.time())
+                yield replace(self.reading, stamp=self.times.unix())
             await asyncio.sleep(0.02)
 
     async def progress(self):

@@ -6,7 +6,7 @@ import pytest
 
 from robots.agent.adapters import registry
 from robots.api import messages as m
-from tests.support.control_rig import ControlRig
+from tests.support.control_rig import ThreadedControlRig
 from tests.support.patience import patient
 from tests.support.truth import Onlooker
 
@@ -14,7 +14,7 @@ from tests.support.truth import Onlooker
 @pytest.fixture
 def rig(tmp_path):
     adapter = registry.autonomous(registry.create("simulator", "giraff", {"camera": "no", "start": "5.0,1.0,3.1", "seed": "3"}))
-    with ControlRig(tmp_path, robot=adapter) as rig:
+    with ThreadedControlRig(tmp_path, robot=adapter) as rig:
         rig.link.wait("state", lambda s: s.pose.localized, within=40.0)
         rig.wait(lambda: not rig.kernel.held)
         yield rig

@@ -11,7 +11,7 @@ from robots.agent.media import MediaSide
 from robots.agent.motion import ZERO
 from robots.api import messages as m
 from robots.api.codec import encode_frame
-from tests.support.control_rig import ControlRig
+from tests.support.control_rig import ThreadedControlRig
 from tests.support.loopback_peer import Exchange, LoopbackPage, until
 from tests.support.synthetic_camera import SyntheticCamera, SyntheticMicrophone
 
@@ -35,7 +35,7 @@ async def rig(tmp_path, exchange):
         on_frame=lambda peer, role, frame: rig.control.receive_frame(peer, role, frame),  # noqa: PLW0108 -- the rig comes later
         reply=exchange.reply,
     )
-    rig = ControlRig(tmp_path, media=media)
+    rig = ThreadedControlRig(tmp_path, media=media)
     media.start()
     await asyncio.to_thread(rig.__enter__)
     yield rig

@@ -5,7 +5,7 @@ import time
 import pytest
 
 from robots.agent.adapters.simulator import create
-from tests.support.control_rig import ControlRig
+from tests.support.control_rig import ThreadedControlRig
 from tests.support.lateness import pauses, watched
 from tests.support.truth import Onlooker
 
@@ -27,7 +27,7 @@ def test_a_loop_that_is_blocked_for_two_seconds_leaves_the_stopping_to_the_base(
         blocked.append(time.time())
         time.sleep(2.0)
 
-    with watched() as computer, ControlRig(tmp_path, robot=robot) as rig:
+    with watched() as computer, ThreadedControlRig(tmp_path, robot=robot) as rig:
         truth = Onlooker(int(robot.address.rpartition(":")[2]))
         rig.grant()
         rig.drive(0.4, until=lambda: truth.truth().linear > 0.39, within=15)

@@ -1,7 +1,5 @@
 """Words and calls between a visitor and the people at the robot, through the whole control loop."""
 
-import time
-
 import pytest
 
 from robots.api import messages as m
@@ -16,11 +14,11 @@ def rig(tmp_path):
 
 
 def asked(number, **fields):
-    return {"action_id": f"a{number}", "stamp": time.time(), "session": "s1", "epoch": 1, **fields}
+    return {"action_id": f"a{number}", "stamp": 0.0, "session": "s1", "epoch": 1, **fields}
 
 
 def at_screen(number, **fields):
-    return {"action_id": f"a{number}", "stamp": time.time(), "role": "screen", "user": "Giraff", **fields}
+    return {"action_id": f"a{number}", "stamp": 0.0, "role": "screen", "user": "Giraff", **fields}
 
 
 def outcome(rig, number):
@@ -64,7 +62,7 @@ def test_a_call_goes_through_at_once_unless_the_owner_wants_it_answered(rig):
 
 
 def test_somebody_at_the_screen_lets_a_visitor_through_and_hangs_up(rig):
-    rig.link.say("config", m.Config(stamp=time.time(), calls="ask"))
+    rig.link.say("config", m.Config(stamp=rig.unix(), calls="ask"))
     rig.act(m.Call(**asked(1), video=True), way="datachannel")
     rig.wait(lambda: (call := rig.link.all("state")[-1].call) and call.status == "ringing")
     assert rig.media.passing == []
@@ -133,13 +131,13 @@ def test_what_each_side_points_at_goes_to_the_server_and_to_the_pages_and_moves_
     wanted = [("driver", (0.25, 0.75)), ("driver", None), ("screen", (1.0, 0.0)), ("screen", (0.0, 0.0))]
     rig.wait(lambda: [(dot.by, dot.at) for dot in rig.media.pointed] == wanted)
     assert dots(rig) == wanted
-    assert all(abs(dot.stamp - time.time()) < 60.0 for dot in rig.media.pointed), "by the robot's own clock"
+    assert all(abs(dot.stamp - rig.unix()) < 60.0 for dot in rig.media.pointed), "by the robot's own clock"
     assert "pointer" not in {suffix for suffix, _ in rig.media.told}, "what goes to everybody"
     assert all(velocity.linear == velocity.angular == 0.0 for _, velocity in rig.robot.velocities())
 
 
 def test_nobody_points_at_a_face_or_at_what_nobody_has_let_through(rig):
-    rig.link.say("config", m.Config(stamp=time.time(), calls="ask"))
+    rig.link.say("config", m.Config(stamp=rig.unix(), calls="ask"))
     shares(rig)
     point(rig, 10.0)
     rig.act(m.AnswerCall(**at_screen(2), accept=True))

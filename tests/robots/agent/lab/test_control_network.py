@@ -1,7 +1,6 @@
 """A worse network for the driver's commands, in the control loop as it is: held, lost, reported; and what never is."""
 
 import statistics
-import time
 
 import pytest
 
@@ -20,7 +19,7 @@ def rig(tmp_path):
 
 
 def configure(rig, lab, session="s1", **fields):
-    rig.link.say("config", m.Config(stamp=time.time(), control_network=lab, network_session=session, **fields))
+    rig.link.say("config", m.Config(stamp=rig.unix(), control_network=lab, network_session=session, **fields))
 
 
 def impaired(rig, lab):
@@ -31,7 +30,7 @@ def impaired(rig, lab):
 
 
 def own(kind, action_id, **fields):
-    return kind(action_id=action_id, stamp=time.time(), session="s1", epoch=1, **fields)
+    return kind(action_id=action_id, stamp=0.0, session="s1", epoch=1, **fields)
 
 
 @pytest.mark.parametrize("way", ["datachannel", "mqtt"])
@@ -109,7 +108,7 @@ def test_what_was_under_way_when_the_driver_stopped_moves_nothing_any_more(rig):
 
 def test_actions_of_staff_and_of_the_server_do_not_travel_on_the_drivers_network(rig):
     impaired(rig, m.NetworkLab(loss=1.0))
-    rig.act(m.Photo(action_id="ours", stamp=time.time(), role="staff", user="ops"))
+    rig.act(m.Photo(action_id="ours", stamp=0.0, role="staff", user="ops"))
     rig.status("ours", "FINISHED")
 
 
@@ -143,9 +142,9 @@ def test_a_network_for_this_session_alone_waits_for_its_driver(rig):
 def test_the_pictures_network_is_handed_to_the_media_side_and_reported_by_it(rig):
     rig.grant()
     lab = m.NetworkLab(bitrate=4e5, seed=8)
-    rig.link.say("config", m.Config(stamp=time.time(), video_network=lab, network_session="s1"))
+    rig.link.say("config", m.Config(stamp=rig.unix(), video_network=lab, network_session="s1"))
     assert rig.link.wait("state", lambda s: s.video_network is not None).video_network.lab == lab
-    rig.link.say("config", m.Config(stamp=time.time()))
+    rig.link.say("config", m.Config(stamp=rig.unix()))
     since = rig.link.count
     rig.link.wait("state", lambda s: s.video_network is None, since=since)
 
@@ -160,7 +159,7 @@ def test_what_the_command_line_says_holds_for_every_driver(tmp_path):
 
 def test_a_command_says_how_old_the_picture_was_that_it_answered(rig):
     rig.grant(limits=m.LeaseLimits(command_age=1.0))
-    seen = time.time() - 0.2
+    seen = rig.unix() - 0.2
     command = rig.push(0.5, frame=seen)
     applied = rig.link.wait("state", lambda s: any(c.seq == command.seq for c in s.applied)).applied
     assert 0.2 <= next(c for c in applied if c.seq == command.seq).frame_age < 5.0
