@@ -4,15 +4,14 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from django.test import Client
 from django.urls import reverse
 
+from tests.support.paths import ROOT
 from tests.support.people import PASSWORD, person
 
-ROOT = Path(__file__).resolve().parents[2]
 ASK = """
 import json, django
 django.setup()

@@ -3,7 +3,8 @@
 import ast
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.support.paths import ROOT
+
 BOTS = sorted((ROOT / "experiments" / "bots").rglob("*.py"))
 OURS = {"telepresence_site", "experiments", "surveys", "sessions", "accounts", "robots", "tests", "django", "channels"}
 # The words on the wire, which pages have too, and the bots' own modules.

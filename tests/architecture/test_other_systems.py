@@ -7,11 +7,11 @@ tell: which loop watches foreign sockets, and which paths are Linux's own.
 import ast
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.support.paths import ROOT
+
 SOURCES = sorted((ROOT / "robots" / "agent").rglob("*.py")) + sorted((ROOT / "robots" / "api").rglob("*.py"))
 ONLY_POSIX = {
     "os": "chown chroot ctermid fchmod fchown fork forkpty geteuid getgid getgroups getloadavg getpgid getpgrp getpriority getresuid getsid getuid killpg "

@@ -2,11 +2,10 @@
 
 import argparse
 import re
-from pathlib import Path
 
 from robots.agent.config import add_arguments
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 REFERENCE = ROOT / "docs" / "reference"
 
 

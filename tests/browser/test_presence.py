@@ -14,6 +14,7 @@ from playwright.async_api import Browser, Page, async_playwright
 from robots.api import messages as m
 from tests.browser.test_drive_page_alone import driving, hold, until
 from tests.support.browser_page import CHROMIUM, FLAGS
+from tests.support.paths import ROOT
 from tests.support.patience import patient
 from tests.support.photographs import kept
 from tests.support.present_robot_page import PresentRobotPage
@@ -431,7 +432,7 @@ async def test_a_photo_is_taken_shown_and_kept(refusing, site) -> None:
     page = await drives(refusing, site, complaints)
     await page.click("#presence-photo")
     photo = await until(lambda: next((one for one in site.asked if isinstance(one, m.Photo)), None))
-    site.photos[photo.action_id] = (Path(__file__).parents[2] / "static/img/screens/drive-wide.webp").read_bytes()
+    site.photos[photo.action_id] = (ROOT / "static/img/screens/drive-wide.webp").read_bytes()
     await page.wait_for_selector("#kept-download:not([hidden])")
     assert await page.get_attribute("#kept-download", "download") == "giraff.jpg"
     await page.click("#kept-close")

@@ -7,13 +7,12 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
+from tests.support.paths import ROOT
 from tests.support.postgres import running_postgres
 
-ROOT = Path(__file__).resolve().parents[2]
 ROUNDS = 30
 PREPARE = """
 import json, django

@@ -29,10 +29,10 @@ from experiments.shipped import shipped
 from sessions.models import SessionEvent, Snapshot, StateChunk
 from surveys.definition import Words
 from surveys.models import Answer
+from tests.support.paths import ROOT
 from tests.support.study_dataset import made_up
 from tests.support.study_rows import AGENT, put
 
-ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.django_db
 
 

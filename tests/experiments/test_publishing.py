@@ -1,7 +1,6 @@
 """Studies in the database: drafts that may be half done, published versions that never change."""
 
 import datetime
-from pathlib import Path
 
 import msgspec
 import pytest
@@ -15,13 +14,14 @@ from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan
 from surveys.models import Questionnaire
 from surveys.problems import BadDefinitionError
+from tests.support.paths import ROOT
 from tests.support.people import person
 from tests.support.studies import STUDY, small_study
 from tests.support.study_site import cabin_with_giraff, robot_at
 
 pytestmark = pytest.mark.django_db
 NOW = datetime.datetime(2026, 5, 4, 10, 0, tzinfo=datetime.UTC)
-OFFICE = Path(__file__).resolve().parents[2] / "robots/agent/world/plans/office"
+OFFICE = ROOT / "robots/agent/world/plans/office"
 WHY = "It was rehearsed by hand in the laboratory."
 
 

@@ -1,5 +1,4 @@
 import re
-from pathlib import Path
 from typing import get_args
 
 import msgspec
@@ -7,8 +6,9 @@ import msgspec
 from experiments import definition
 from experiments.cues import CueKey
 from experiments.progress import EventType
+from tests.support.paths import ROOT
 
-EXPLAINED = set(re.findall(r"`([a-z_]+)`", (Path(__file__).resolve().parents[2] / "docs" / "reference" / "studies.md").read_text()))
+EXPLAINED = set(re.findall(r"`([a-z_]+)`", (ROOT / "docs" / "reference" / "studies.md").read_text()))
 PARTS = [kind for kind in vars(definition).values() if isinstance(kind, type) and issubclass(kind, definition.Part) and kind is not definition.Part]
 
 

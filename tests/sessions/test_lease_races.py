@@ -6,13 +6,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
+from tests.support.paths import ROOT
 from tests.support.postgres import running_postgres
 
-ROOT = Path(__file__).resolve().parents[2]
 ROUNDS = 1000
 RUNNER = """
 import json, sys

@@ -1,11 +1,12 @@
 """The colours of static/css/_global.css against WCAG 2.2 AA."""
 
 import re
-from pathlib import Path
 
 import pytest
 
-SHEET = (Path(__file__).resolve().parents[2] / "static" / "css" / "_global.css").read_text()
+from tests.support.paths import ROOT
+
+SHEET = (ROOT / "static" / "css" / "_global.css").read_text()
 COLOUR = re.compile(r"(--[\w-]+): (#[0-9a-f]{6});")
 TEXT = {
     "ink": ("paper", "surface", "sunken", "brand-soft", "ok-soft", "busy-soft", "danger-soft"),

@@ -11,7 +11,7 @@ from pathlib import Path
 import minify
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.support.paths import ROOT
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,6 @@ import mimetypes
 import secrets
 import threading
 import time
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Self
 from urllib.parse import urlsplit
@@ -36,11 +35,11 @@ from robots.api import codec, floorplan, picture
 from robots.api import messages as m
 from robots.api.errors import Rejection
 from sessions import wire
+from tests.support.paths import ROOT
 from tests.support.patience import patient
 from tests.support.scene_source import SceneSource
 from tests.support.synthetic_camera import SyntheticCamera
 
-ROOT = Path(__file__).parents[2]
 OFFICE = ROOT / "robots/agent/world/plans/office"
 ROBOT = "giraff"
 STEP = "/study/step/"  # where a study goes on

@@ -23,10 +23,10 @@ from django.conf import settings
 from robots.api import codec, messages, topics
 from sessions.session_manager import SessionManager
 from sessions.side_by_side import end, until_one_ends
+from tests.support.paths import ROOT
 from tests.support.patience import patient
 from tests.support.site import free_port
 
-ROOT = Path(__file__).resolve().parents[2]
 HOST = "127.0.0.1"
 MOSQUITTO = next((path for path in ("/usr/sbin/mosquitto", "/usr/local/sbin/mosquitto", "/opt/homebrew/sbin/mosquitto") if Path(path).is_file()), "")
 

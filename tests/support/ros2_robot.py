@@ -5,12 +5,11 @@ import contextlib
 import json
 import os
 import sys
-from pathlib import Path
 
+from tests.support.paths import ROOT
 from tests.support.rca_world import RcaRig
 from tests.support.ros_robot import RosRobot
 
-ROOT = Path(__file__).resolve().parents[2]
 LOOPBACK = (
     '<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces></General>'
     '<Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>'

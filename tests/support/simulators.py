@@ -11,10 +11,9 @@ from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
 
 from robots.agent.simulator.frames import _attach
+from tests.support.paths import ROOT
 from tests.support.patience import patient
 from tests.support.truth import Onlooker
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def eventually(condition: Callable[[], bool], seconds: float = 10.0) -> bool:

@@ -24,11 +24,11 @@ from typing import Any, TypeVar
 
 from telepresence_site.serving import APPLICATION, DAPHNE
 from tests.support.clerk import Clerk
+from tests.support.paths import ROOT
 from tests.support.patience import patient
 from tests.support.truth import Onlooker
 
 T = TypeVar("T")
-ROOT = Path(__file__).resolve().parents[2]
 LOOPBACK = "127.0.0.1"
 DEMO_TOKEN = "tests-only"
 DATABASE = "telepresence.sqlite3"

@@ -1,15 +1,15 @@
 """Who is asked what; the cases are shared with the page's module."""
 
 import json
-from pathlib import Path
 
 import pytest
 
 from surveys.answers import read_answer
 from surveys.conditions import Circumstances, shown_keys
+from tests.support.paths import GOLDEN
 from tests.support.questionnaires import NOW, defined, item
 
-CASES = json.loads((Path(__file__).resolve().parents[1] / "golden" / "survey_conditions.json").read_text())
+CASES = json.loads((GOLDEN / "survey_conditions.json").read_text())
 NAMES = [{"value": name, "label": {"en": name}} for name in ("x", "y", "z")]
 
 

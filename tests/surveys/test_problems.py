@@ -2,13 +2,13 @@
 
 import json
 import re
-from pathlib import Path
 
 import msgspec
 import pytest
 
 from surveys.definition import AnyItem, Condition, Definition, Page, Point, digest, to_json
 from surveys.problems import MAX_BYTES, BadDefinitionError, parse
+from tests.support.paths import ROOT
 from tests.support.questionnaires import AGREE, OPTIONS, as_bytes, defined, document, item, rows
 
 
@@ -121,7 +121,7 @@ def test_the_text_version_changes_with_any_word_of_its_language_and_with_no_othe
 
 
 def test_the_reference_shows_a_file_that_is_right_and_names_every_field():
-    reference = (Path(__file__).resolve().parents[2] / "docs" / "reference" / "questionnaires.md").read_text()
+    reference = (ROOT / "docs" / "reference" / "questionnaires.md").read_text()
     example = re.search(r"```json\n(.*?)```", reference, re.DOTALL)[1]
     assert [question.key for question in parse(example.encode()).questions()] == ["through", "why"]
     named = set(re.findall(r"`(\w+)`", reference))

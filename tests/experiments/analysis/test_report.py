@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,9 +19,9 @@ from experiments.analysis.opinions import figure_8a, figure_8b
 from experiments.analysis.places import figure_6, figure_7
 from experiments.analysis.report import analyse, reports
 from experiments.shipped import shipped
+from tests.support.paths import ROOT
 from tests.support.study_dataset import made_up
 
-ROOT = Path(__file__).resolve().parents[3]
 STUDY = shipped()["exploration"]
 ELSEWHERE = """
 import sys

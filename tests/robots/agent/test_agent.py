@@ -8,7 +8,6 @@ import sys
 import threading
 import time
 import tomllib
-from pathlib import Path
 
 import pytest
 
@@ -23,9 +22,8 @@ from tests.support.agent_server import AgentServer
 from tests.support.control_rig import ListeningMedia
 from tests.support.mosquitto import Mosquitto
 from tests.support.mqtt_ear import Ear
+from tests.support.paths import ROOT
 from tests.support.scripted_robot import ScriptedRobot
-
-ROOT = Path(__file__).resolve().parents[3]
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 import inspect
 import json
-from pathlib import Path
 
 import msgspec
 import pytest
@@ -12,8 +11,8 @@ from robots.api.errors import Rejection
 from robots.api.examples import EXAMPLES, SERVER_NEWS
 from robots.api.reference import golden_files
 from sessions import wire
+from tests.support.paths import GOLDEN
 
-GOLDEN = Path(__file__).parents[2] / "golden"
 REFUSED = json.loads((GOLDEN / "refused.json").read_text(encoding="utf-8"))
 WIRE = json.loads((GOLDEN / "wire.json").read_text(encoding="utf-8"))
 CASES = [(suffix, name) for suffix, examples in EXAMPLES.items() for name in examples]

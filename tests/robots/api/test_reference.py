@@ -1,11 +1,8 @@
-from pathlib import Path
-
 import pytest
 
 from robots.api import messages, topics
 from robots.api.reference import classes, generated_files, reference
-
-ROOT = Path(__file__).parents[3]
+from tests.support.paths import ROOT
 
 
 @pytest.mark.parametrize("name", sorted(generated_files()))

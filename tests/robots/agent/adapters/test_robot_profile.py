@@ -2,7 +2,6 @@
 
 import re
 import tomllib
-from pathlib import Path
 
 import pytest
 
@@ -10,8 +9,8 @@ from robots.agent.adapters import registry
 from robots.agent.adapters.contract import AdapterError
 from robots.agent.adapters.robot_profile import SHIPPED, load_profile
 from robots.agent.config import load
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).resolve().parents[4]
 MINE = 'series = "mine"\nfootprint = [[0.2, -0.2], [0.2, 0.2], [-0.2, 0.0]]\n[limits]\n'
 LIMITS = (
     "linear = 0.5\nreverse = 0.2\nangular = 1.0\nlinear_acceleration = 0.3\nangular_acceleration = 0.8\nlinear_braking = 0.8\nangular_braking = 2.0\n"

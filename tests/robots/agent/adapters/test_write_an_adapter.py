@@ -2,16 +2,16 @@
 
 import asyncio
 import re
-from pathlib import Path
 
 import pytest
 
 from robots.agent.adapters import registry
 from robots.agent.adapters.contract import AdapterError
 from tests.robots.agent.adapters.rca_conformance import RcaConformance
+from tests.support.paths import ROOT
 from tests.support.rca_world import RcaRig
 
-PAGE = Path(__file__).resolve().parents[4] / "docs" / "howto" / "write-an-adapter.md"
+PAGE = ROOT / "docs" / "howto" / "write-an-adapter.md"
 
 
 def block(language):

@@ -5,7 +5,6 @@ The drive page's projection and the way that it draws ahead are tested against i
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 
@@ -13,8 +12,9 @@ from robots.agent.simulator.drive import Motion, advance, follow, slip
 from robots.agent.simulator.lens import grind
 from robots.agent.simulator.profiles import RobotModel, model_of
 from robots.api.geometry import Pose2D
+from tests.support.paths import GOLDEN
 
-GOLDEN = Path(__file__).parents[3] / "golden" / "projection.json"
+PROJECTION = GOLDEN / "projection.json"
 SEED = 20
 CASES = 300  # of each robot
 FARTHEST = 12.0  # m
@@ -72,7 +72,7 @@ def golden() -> dict:
 
 
 def test_the_golden_file_says_where_the_simulators_camera_draws_the_floor():
-    assert json.loads(GOLDEN.read_text()) == json.loads(json.dumps(golden()))
+    assert json.loads(PROJECTION.read_text()) == json.loads(json.dumps(golden()))
 
 
 if __name__ == "__main__":
