@@ -76,4 +76,4 @@ def test_the_golden_file_says_where_the_simulators_camera_draws_the_floor():
 
 
 if __name__ == "__main__":
-    GOLDEN.write_text(json.dumps(golden(), indent=None, separators=(",", ":")) + "\n")
+    PROJECTION.write_text(json.dumps(golden(), indent=None, separators=(",", ":")) + "\n")
