@@ -8,7 +8,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-PHOTOGRAPHED := $(addprefix tests/browser/test_,accessibility.py autonomy.py slow_picture.py replay.py presence.py)
+PHOTOGRAPHED := $(addprefix tests/integration/browser/test_,accessibility.py autonomy.py slow_picture.py replay.py presence.py)
 export PORT LAN RESET
 
 .PHONY: demo test lint bench docs lock setup setup-dev test-packages screenshots
@@ -36,10 +36,10 @@ bench: setup-dev test-packages
 	$(BIN)/python -m benchmarks
 
 screenshots: setup-dev test-packages
-	$(BIN)/python -m tests.browser.screenshots
+	$(BIN)/python -m tests.support.screenshots
 	mkdir -p var/screenshots/es
 	SCREENSHOTS=var/screenshots $(BIN)/python -m pytest -q $(PHOTOGRAPHED)
-	SCREENSHOTS=var/screenshots/es SCREENSHOTS_LANGUAGE=es $(BIN)/python -m pytest -q tests/browser/test_accessibility.py -k "strangers or visitors or step"
+	SCREENSHOTS=var/screenshots/es SCREENSHOTS_LANGUAGE=es $(BIN)/python -m pytest -q tests/integration/browser/test_accessibility.py -k "strangers or visitors or step"
 
 docs: setup-dev
 	$(BIN)/python -m robots.api.reference

@@ -10,7 +10,7 @@ it is held from the grant on, and is
 With all participants drawn to the smallest cell, the numbers of filled places never differ by more than the greatest number of
 participants that were under way at once: the last one who filled the largest cell was drawn when it was not larger than any other,
 and only those under way at that moment, less than all by that one, can have left since. (A refill rule frees places too, at the moment in which they
-would be filled, and changes nothing in this.) tests/experiments/test_assignment.py tries it.
+would be filled, and changes nothing in this.) tests/unit/experiments/test_assignment.py tries it.
 
 Pure: what is held comes in, a choice goes out. Ties are drawn with a seed that is kept with the choice.
 """

@@ -86,7 +86,7 @@ def _shortcuts(home: str) -> list[dict[str, Any]]:
 
 
 def _screenshots() -> list[dict[str, str]]:
-    """Return the pictures that browsers show to whoever installs the page; tests/browser/screenshots.py takes them."""
+    """Return the pictures that browsers show to whoever installs the page; tests/support/screenshots.py takes them."""
     seen = (("wide", "1280x800", _("Driving, on a large screen")), ("narrow", "390x844", _("Driving, on a phone")))
     return [
         {"src": static(f"img/screens/drive-{form}.webp"), "sizes": size, "type": "image/webp", "form_factor": form, "label": label}

@@ -1,0 +1,181 @@
+"""axe-core finds nothing on any page: a stranger's, a visitor's, a participant's, a researcher's, the drive page and the robot's own screen."""
+
+import re
+
+import msgspec
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from django.test import Client
+from playwright.sync_api import Page, expect, sync_playwright
+
+from robots.models import Robot
+from sessions import wire
+from tests.integration.browser.test_replay import made
+from tests.integration.browser.test_task import guide, tell
+from tests.support import participants as p
+from tests.support.fake_robot_page import FakeRobotPage
+from tests.support.people import person
+from tests.support.photographs import LANGUAGE, keep
+from tests.support.present_robot_page import PresentRobotPage
+from tests.support.study_walk import Walker
+from tests.support.visitor import chromium
+from tests.support.words import factsheet
+
+pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
+SIZES = [(1280, 800), (390, 844)]
+NAMES = {1280: "desktop", 390: "phone", 844: "landscape"}
+PATIENCE = 60_000  # ms
+# Still life alone: what fades in has every contrast on its way.
+STILL = {"reduced_motion": "reduce"}
+
+
+@pytest.fixture(scope="module")
+def browser():
+    # Playwright's synchronous interface runs an event loop in this thread, which Django takes for asynchronous code.
+    with pytest.MonkeyPatch.context() as patch, sync_playwright() as playwright, chromium(playwright) as browser:
+        patch.setenv("DJANGO_ALLOW_ASYNC_UNSAFE", "1")
+        yield browser
+
+
+@pytest.fixture
+def opened(browser, live_server):
+    """Open a page as somebody, or as a stranger."""
+    contexts = []
+
+    def open_it(client: Client | None = None) -> Page:
+        context = browser.new_context(base_url=live_server.url, locale=LANGUAGE, **STILL)
+        contexts.append(context)
+        if client is not None:
+            context.add_cookies([{"name": "sessionid", "value": client.cookies["sessionid"].value, "url": live_server.url}])
+        return context.new_page()
+
+    yield open_it
+    for context in contexts:
+        context.close()
+
+
+def called(where: str) -> str:
+    """Return what a picture of a page is called: its address without what is of this run alone."""
+    return re.sub(r"[^a-z]+", "-", re.sub(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}", "", where.lower())).strip("-") or "home"
+
+
+def faults(page: Page, where: str, sizes=SIZES) -> list[str]:
+    """Return what axe-core finds at every size, a line each."""
+    found = []
+    for width, height in sizes:
+        page.set_viewport_size({"width": width, "height": height})
+        keep(page, f"{called(where)}-{NAMES[width]}", whole=True)
+        for violation in Axe().run(page).response["violations"]:
+            places = "; ".join(f"{node['target'][0]} {node['html'][:120]}" for node in violation["nodes"][:4])
+            found.append(f"{where} {width}x{height}: {violation['id']} ({violation['impact']}): {places}")
+    return found
+
+
+def check(page: Page, *addresses: str) -> None:
+    found = []
+    for address in addresses:
+        answer = page.goto(address)
+        assert answer is not None
+        assert answer.status in {200, 404}, address
+        found += faults(page, address)
+    assert not found, "\n".join(found)
+
+
+def test_a_strangers_pages(opened):
+    robot = p.site()
+    Robot.objects.filter(pk=robot.pk).update(report={"battery": {"charge": 0.5}})
+    p.published(p.of("exploration"))
+    addresses = ["/", "/about/", "/accounts/login/", "/accounts/signup/", "/accounts/password/reset/", "/no/such/page/", "/studies/exploration/"]
+    check(opened(), *addresses)
+
+
+def test_the_check_of_browser_and_network(opened):
+    page = opened()
+    page.goto("/check/")
+    page.wait_for_selector("#check:not([data-state=busy]) .check__line", timeout=PATIENCE)
+    assert not faults(page, "check")
+
+
+def test_a_visitors_pages(opened):
+    robot = p.site()
+    client = Client()
+    client.force_login(person())
+    check(opened(client), "/", "/profile/", "/profile/data/", f"/robots/{robot.name}/", "/accounts/password/change/", "/accounts/email/")
+
+
+def test_every_step_of_a_study(opened):
+    walker = Walker(p.published(p.of("exploration")), person(), p.site())
+    walker.come()
+    page = opened(walker.client)
+    found, seen = [], set()
+    for _ in range(20):
+        page.goto(walker.url())
+        kind = type(walker.step).__name__
+        found += faults(page, kind)
+        seen.add(kind)
+        if walker.participant.status != "active":
+            break
+        walker.do()
+    assert {"Consent", "Form", "Instructions", "Task", "Questionnaire"} <= seen
+    assert not found, "\n".join(found)
+
+
+def test_a_researchers_pages(opened):
+    visit = made()
+    Robot.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
+    client = Client()
+    client.force_login(person("owner", is_superuser=True, is_staff=True))
+    study = p.published(p.of("exploration"))
+    page = opened(client)
+    own = [f"/studies/replay/{visit.pk}/", f"/studies/{study.slug}/live/", f"/studies/{study.slug}/analysis/"]
+    built = f"/admin/experiments/study/{study.pk}/build"
+    ours = [f"{built}/about/", f"{built}/steps/0/", f"{built}/conditions/0/", f"{built}/courses/0/"]
+    check(page, *own, *ours)
+
+
+def driving(page: Page) -> None:
+    page.wait_for_selector("#cockpit[data-playing][data-link=live]", timeout=PATIENCE)
+
+
+def test_the_drive_page_before_while_and_after_driving(browser):
+    with PresentRobotPage() as site:
+        page = browser.new_context(**STILL).new_page()
+        page.goto(site.url)
+        expect(page.get_by_role("button", name="Drive Giraff")).to_be_visible(timeout=PATIENCE)
+        found = faults(page, "before")
+        page.get_by_role("button", name="Drive Giraff").click()
+        driving(page)
+        page.locator("#presence-talk").click()
+        found += faults(page, "driving", [*SIZES, (844, 390)])
+        page.locator("#presence-volumes").click()
+        page.locator("#profiles button[value=technical]").click()
+        expect(page.locator(".figure").first).to_be_attached(timeout=PATIENCE)
+        found += faults(page, "technical", [*SIZES, (844, 390)])
+        page.get_by_role("button", name="Leave").click()
+        found += faults(page, "leaving")
+        site.end("turn_over")
+        page.wait_for_selector("#cockpit[data-phase=ended]", timeout=PATIENCE)
+        found += faults(page, "ended")
+        page.goto(site.screen_url)
+        page.wait_for_selector("#face[data-scene]", timeout=PATIENCE)
+        found += faults(page, "screen")
+        page.context.close()
+    assert not found, "\n".join(found)
+
+
+def test_the_drive_page_with_a_task(browser):
+    with FakeRobotPage(study=guide()) as site:
+        page = browser.new_context(**STILL).new_page()
+        page.goto(f"{site.url}?go=1")
+        driving(page)
+        tell(site, "go_to_checkpoint", number=2, x=8.4, y=1.0, passed=(1,), remaining=119.0)
+        expect(page.get_by_text("Go to checkpoint 2.", exact=True).first).to_be_visible(timeout=PATIENCE)
+        found = faults(page, "task")
+        site.tell(
+            "session/task",
+            wire.Task(session=site.session, stamp=0.0, cue="photo_turn_left", number=4, x=8.1, y=2.2, passed=(1, 2, 3, 4), window="open"),
+        )
+        expect(page.get_by_role("region", name="Photo")).to_be_visible(timeout=PATIENCE)
+        found += faults(page, "photo")
+        page.context.close()
+    assert not found, "\n".join(found)

@@ -1,0 +1,440 @@
+"""Voice, face and words between a visitor's browser and a robot's own display, both real Chromiums, measured at the far ends."""
+
+import asyncio
+import math
+import struct
+import wave
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import pytest
+from axe_playwright_python.async_playwright import Axe
+from playwright.async_api import Browser, Page, async_playwright
+
+from robots.api import messages as m
+from tests.integration.browser.test_drive_page_alone import driving, hold, until
+from tests.support.browser_page import CHROMIUM, FLAGS
+from tests.support.paths import ROOT
+from tests.support.patience import patient
+from tests.support.photographs import kept
+from tests.support.present_robot_page import PresentRobotPage
+
+pytestmark = pytest.mark.browser
+HERTZ = 880.0
+FAKE = ["--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream", "--auto-select-tab-capture-source-by-title=Giraff"]
+# Chromium's fake camera is green all over, but for a pie and a counter.
+COLOUR = """() => {
+  const video = document.querySelector("#video");
+  if (!video.videoWidth) return null;
+  const canvas = document.createElement("canvas");
+  canvas.width = canvas.height = 16;
+  const brush = canvas.getContext("2d");
+  brush.drawImage(video, 0, 0, 16, 16);
+  const data = brush.getImageData(0, 0, 16, 16).data;
+  const mean = [0, 1, 2].map((part) => data.filter((_, at) => at % 4 === part).reduce((sum, value) => sum + value, 0) / 256);
+  return mean;
+}"""
+TONE = """() => {
+  const page = globalThis;
+  if (!page.listening) {
+    const context = new AudioContext();
+    const analyser = context.createAnalyser();
+    analyser.fftSize = 8192;
+    context.createMediaStreamSource(document.querySelector("#audio").srcObject).connect(analyser);
+    page.listening = { context, analyser, stream: document.querySelector("#audio").srcObject };
+  }
+  const { context, analyser } = page.listening;
+  const bins = new Float32Array(analyser.frequencyBinCount);
+  analyser.getFloatFrequencyData(bins);
+  const loudest = bins.indexOf(Math.max(...bins));
+  return { hertz: (loudest * context.sampleRate) / analyser.fftSize, level: bins[loudest] };
+}"""
+
+
+@pytest.fixture
+def site():
+    with PresentRobotPage() as fake:
+        yield fake
+
+
+def tone(path: Path) -> Path:
+    """Write ten seconds of a sine, which Chromium's fake microphone plays again and again."""
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(48_000)
+        file.writeframes(b"".join(struct.pack("<h", int(12_000 * math.sin(2 * math.pi * HERTZ * n / 48_000))) for n in range(480_000)))
+    return path
+
+
+@pytest.fixture
+async def chromium(tmp_path) -> AsyncIterator[Browser]:
+    async with async_playwright() as playwright:
+        flags = [*FLAGS, *FAKE, f"--use-file-for-fake-audio-capture={tone(tmp_path / 'tone.wav')}"]
+        browser = await playwright.chromium.launch(executable_path=CHROMIUM, headless=True, args=flags)
+        yield browser
+        await browser.close()
+
+
+async def opened(browser: Browser, address: str, complaints: list[str], **context) -> Page:
+    page = await (await browser.new_context(viewport={"width": 1280, "height": 800}, **context)).new_page()
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("console", lambda line: complaints.append(line.text) if line.type == "error" else None)
+    await page.goto(address)
+    return page
+
+
+async def drives(browser: Browser, site: PresentRobotPage, complaints: list[str], **context) -> Page:
+    page = await opened(browser, site.url, complaints, **context)
+    await page.click("text=Drive Giraff")
+    await driving(page)
+    return page
+
+
+async def evaluated(page: Page, script: str, good, seconds: float = 15.0):
+    """Poll a script until `good` likes what it gives."""
+    for _ in range(int(patient(seconds) / 0.1)):
+        found = await page.evaluate(script)
+        if found is not None and good(found):
+            return found
+        await asyncio.sleep(0.1)
+    raise AssertionError(f"nothing of the kind; the last was {found}")
+
+
+def is_green(colour) -> bool:
+    red, green, blue = colour
+    return green > 60 and green > red + 30 and green > blue + 30
+
+
+async def test_voice_and_face_reach_the_robots_loudspeaker_and_its_screen_and_words_go_both_ways(chromium, site) -> None:
+    complaints: list[str] = []
+    page = await drives(chromium, site, complaints, permissions=["microphone", "camera"])
+    assert site.speaker.played == 0, "nothing is sent before a click"
+
+    # The robot's own outputs, while it has no screen.
+    await page.click("#presence-mic")
+    await page.click("#presence-camera")
+    await until(lambda: abs(site.speaker.tone - HERTZ) < 15 and site.speaker.level > 0.02, 15)
+    await until(lambda: site.display.colour and is_green(site.display.colour), 15)
+    await page.wait_for_selector("#presence-note[data-sending] >> text=They see and hear you.")
+
+    # Its screen, which takes over.
+    screen = await opened(chromium, site.screen_url, complaints)
+    await screen.wait_for_selector("#face[data-scene=seen][data-live]")
+    assert is_green(await evaluated(screen, COLOUR, is_green))
+    heard = await evaluated(screen, TONE, lambda found: abs(found["hertz"] - HERTZ) < 15 and found["level"] > -60)
+    assert abs(heard["hertz"] - HERTZ) < 15
+    assert await screen.text_content("#name-text") == "Ana is visiting"
+
+    # And the other way: the robot's sound and picture are here.
+    assert await page.evaluate("() => document.querySelector('#video').videoWidth") > 0
+    await evaluated(page, TONE, lambda found: found["level"] > -80)
+
+    # Muted: not heard, but while T is down.
+    await page.click("#presence-mic")
+    await evaluated(screen, TONE, lambda found: found["level"] < -90)
+    await page.keyboard.down("t")
+    await evaluated(screen, TONE, lambda found: abs(found["hertz"] - HERTZ) < 15 and found["level"] > -60)
+    await page.keyboard.up("t")
+    await page.wait_for_selector("text=They see you and do not hear you. Hold T to talk.")
+
+    # Words, which never drive; afterwards the keys do.
+    await screen.evaluate("() => { globalThis.spoken = []; speechSynthesis.speak = (one) => spoken.push([one.text, one.lang]); }")
+    before = len(site.applied)
+    await page.click("#presence-talk")
+    await page.check("#talk-aloud")
+    await page.fill("#talk-field", "")
+    await page.type("#talk-field", "was hello wasd")
+    assert len(site.applied) == before
+    await page.press("#talk-field", "Enter")
+    await screen.wait_for_selector("#messages >> text=was hello wasd")
+    assert await screen.evaluate("spoken") == [["was hello wasd", "en"]]
+    await hold(page, "w", lambda: any(command.linear > 0 for _, command in site.applied[before:]))
+    await page.keyboard.up("w")
+    await screen.click("text=One moment, please")
+    await page.wait_for_selector("#talk-list >> text=One moment, please")
+    await kept(page, "talking")
+    await kept(screen, "screen-messages")
+
+    # The head, by key and by slider.
+    await page.focus("#viewport")
+    await page.keyboard.press("f")
+    await until(lambda: abs(site.tilt - 0.1) < 1e-6)
+    await page.evaluate("() => { const s = document.querySelector('#tilt-slider'); s.value = '-0.3'; s.dispatchEvent(new Event('input')); }")
+    await until(lambda: abs(site.tilt + 0.3) < 1e-6)
+
+    # A screen that is shown takes the camera's place, whole.
+    await page.click("#presence-volumes")
+    await page.click("#presence-share")
+    await page.wait_for_selector("text=They see your screen.")
+    await screen.wait_for_selector("#video[data-whole]")
+
+    # Hanging up there ends it here: the camera is given back, and driving goes on.
+    await screen.click("#hang-up")
+    await page.wait_for_selector("text=They would rather not talk now. You can go on driving.")
+    assert await page.evaluate("() => document.querySelector('#self').srcObject") is None
+    await screen.wait_for_selector("#face[data-scene=visiting]")
+    assert complaints == []
+
+
+async def test_the_screen_answers_first_where_the_owner_wants_it_and_stops_the_robot(chromium, site) -> None:
+    complaints: list[str] = []
+    site.calls.rule = "ask"
+    site.is_study = True
+    screen = await opened(chromium, site.screen_url, complaints)
+    await screen.wait_for_selector("text=I am Giraff")
+    page = await drives(chromium, site, complaints, permissions=["microphone", "camera"])
+    await screen.wait_for_selector("text=A study is under way.")
+    await kept(screen, "screen-study")
+    await page.click("#presence-camera")
+    await screen.wait_for_selector("text=Ana would like to talk to you")
+    await page.wait_for_selector("text=It rings there. Nobody sees or hears you yet.")
+    await kept(page, "ringing")
+    await kept(screen, "screen-rings")
+    assert site.media.visitor_counts.get("video", 0) == 0
+    await screen.click("#accept")
+    await screen.wait_for_selector("#face[data-scene=seen]")
+    assert is_green(await evaluated(screen, COLOUR, is_green))
+    await screen.click("#stop")
+    await until(lambda: site.kernel.latch is not None)
+    assert site.kernel.latch.source == "screen", "on whichever way the stop came first"
+    await screen.wait_for_selector("text=Stopped here.")
+    await kept(screen, "screen-stopped")
+    await screen.click("#release")
+    await until(lambda: site.kernel.latch is None)
+    site.end("completed")
+    await screen.wait_for_selector("text=Nobody is visiting now.")
+    await kept(screen, "screen-left")
+    await page.wait_for_selector("#presence", state="hidden")
+    assert await page.evaluate("() => document.querySelector('#self').srcObject") is None, "the camera is given back"
+    assert complaints == []
+
+
+async def test_the_robots_own_page_gives_picture_and_sound_where_the_robot_has_none(chromium) -> None:
+    complaints: list[str] = []
+    with PresentRobotPage(from_page=True) as site:
+        await opened(chromium, site.screen_url, complaints)
+        ana = await drives(chromium, site, complaints)
+        await evaluated(ana, COLOUR, is_green)
+        await until(lambda: site.media.camera.status == site.media.microphone.status == "live")
+        assert (await asyncio.to_thread(site.media.snapshot)).width >= 320
+    assert complaints == []
+
+
+# Where the picture of a video is on the page, without the bars beside it; CSS pixels.
+PICTURE = """const pictureOf = (video) => {
+  const box = video.getBoundingClientRect();
+  const scale = Math.min(box.width / video.videoWidth, box.height / video.videoHeight);
+  const [width, height] = [scale * video.videoWidth, scale * video.videoHeight];
+  return { left: box.left + (box.width - width) / 2, top: box.top + (box.height - height) / 2, width, height };
+};"""
+# Where the middle of a dot is, in shares of the picture; null while there is none.
+SPOT = f"""([video, dot]) => {{
+  {PICTURE}
+  const element = document.querySelector(dot);
+  if (!element.hasAttribute("data-on")) return null;
+  const [picture, spot] = [pictureOf(document.querySelector(video)), element.getBoundingClientRect()];
+  return [(spot.left + spot.width / 2 - picture.left) / picture.width, (spot.top + spot.height / 2 - picture.top) / picture.height];
+}}"""
+PLACE = f"""([video, [x, y]]) => {{
+  {PICTURE}
+  const picture = pictureOf(document.querySelector(video));
+  return [picture.left + x * picture.width, picture.top + y * picture.height];
+}}"""
+# How far the layer of the dots is from the size of the picture beneath, after the page has changed its own.
+LAID = f"""() => {{
+  {PICTURE}
+  const picture = pictureOf(document.querySelector("#shared-video"));
+  const layer = document.querySelector("#shared-dots").getBoundingClientRect();
+  return Math.abs(layer.width - picture.width) + Math.abs(layer.height - picture.height);
+}}"""
+NEAR = 0.02  # of the picture
+SMALL, LARGE = "#shared-video", "#video"
+LAYERS = {SMALL: "#shared-dots", LARGE: "#dots"}
+
+
+async def place(page: Page, video: str, at: tuple[float, float]) -> tuple[float, float]:
+    """Return where a spot of a picture is on the page, in CSS pixels."""
+    return tuple(await page.evaluate(PLACE, [video, at]))
+
+
+async def point(page: Page, video: str, side: str, at: tuple[float, float], *others: tuple[Page, str]) -> None:
+    """Move the mouse about a spot of a picture until the dot of a side is there, here and at the others: a hand never rests quite still."""
+    for step in range(int(patient(15) / 0.1)):
+        x, y = await place(page, video, at)  # anew, as a page that has just changed its size may still move things
+        await page.mouse.move(x + step % 2, y)
+        await asyncio.sleep(0.1)
+        found = [await one.evaluate(SPOT, [over, f"{LAYERS[over]} .dot--{side}"]) for one, over in ((page, video), *others)]
+        if all(spot and max(abs(spot[0] - at[0]), abs(spot[1] - at[1])) < NEAR for spot in found):
+            return
+    raise AssertionError(f"no dot at {at}; the last were {found}")
+
+
+async def no_dot(page: Page, side: str) -> None:
+    await page.wait_for_selector(f".dot--{side}:not([data-on])", state="attached", timeout=patient(15) * 1000)
+
+
+async def faults(page: Page) -> list[str]:
+    """Return what axe-core finds."""
+    return [f"{found['id']}: {found['nodes'][0]['html'][:120]}" for found in (await Axe().run(page)).response["violations"]]
+
+
+async def shown(browser: Browser, site: PresentRobotPage, complaints: list[str], **context) -> tuple[Page, Page]:
+    """Return the drive page and the robot's display, after a screen is shown and both can point at it."""
+    screen = await opened(browser, site.screen_url, complaints)
+    await screen.wait_for_selector("#face[data-live]")
+    page = await drives(browser, site, complaints, **context)
+    await page.click("#presence-volumes")
+    await page.click("#presence-share")
+    await page.wait_for_selector("text=They see your screen.")
+    await page.click("#presence-volumes")
+    await page.wait_for_selector("#shared-dots[data-open]", timeout=patient(15) * 1000)
+    await screen.wait_for_selector("#dots[data-open]", timeout=patient(15) * 1000)
+    for one, video in ((page, SMALL), (screen, LARGE)):
+        await evaluated(one, f"() => document.querySelector('{video}').videoWidth", lambda width: width > 0)
+    return page, screen
+
+
+async def test_what_either_side_points_at_is_seen_at_the_same_place_of_the_picture_at_both_ends_and_goes_away(chromium, site) -> None:
+    complaints: list[str] = []
+    page, screen = await shown(chromium, site, complaints)
+    assert await page.get_attribute("#shared", "hidden") is None
+    assert await screen.evaluate("() => getComputedStyle(document.querySelector('#video')).objectFit") == "contain"
+    before = len(site.applied)
+
+    # The mouse over the small picture, which never drives; a hand that rests is forgotten.
+    for at in [(0.25, 0.7), (0.9, 0.1)]:
+        await point(page, SMALL, "driver", at, (screen, LARGE))
+    assert await screen.text_content("#dots .dot--driver") == await page.text_content("#shared-dots .dot--driver") == "A"
+    await no_dot(screen, "driver")
+    await no_dot(page, "driver")
+
+    # A press, which stays for as long as it is held, and goes when it is lifted and the mouse is gone.
+    at = (0.4, 0.5)
+    await page.mouse.move(*await place(page, SMALL, at))
+    await page.mouse.down()
+    await point(page, SMALL, "driver", at, (screen, LARGE))
+    sent = len(site.pointed)
+    await until(lambda: len(site.pointed) >= sent + 3, 15)
+
+    # Meanwhile somebody there presses on the display: another dot, which is a ring.
+    there = (0.7, 0.3)
+    await screen.mouse.move(*await place(screen, LARGE, there))
+    await screen.mouse.down()
+    await point(screen, LARGE, "screen", there, (page, SMALL))
+    await kept(page, "pointing")
+    await kept(screen, "screen-pointing")
+    assert await faults(page) == await faults(screen) == []
+    await screen.mouse.up()
+    await page.mouse.up()
+    assert await page.evaluate("() => document.activeElement.id") == "viewport"
+    await page.mouse.move(*await place(page, "#viewport video", (0.5, 0.2)))
+    for one in (page, screen):
+        for side in ("driver", "screen"):
+            await no_dot(one, side)
+    assert "datachannel" in {way for way, _ in site.pointed}
+    assert site.pointed[-1][1].at is None
+    assert all(command.linear == command.angular == 0.0 for _, command in site.applied[before:])
+    assert site.asked[-1].shares is True
+    assert complaints == []
+
+
+async def test_bars_are_no_picture_keys_drive_on_and_dots_find_another_way_until_nothing_is_shown(chromium, site) -> None:
+    complaints: list[str] = []
+    page, screen = await shown(chromium, site, complaints)
+    before, counted = len(site.applied), len(site.pointed)
+    box = await screen.locator("#video").bounding_box()
+    await screen.mouse.click(box["x"] + box["width"] / 2, box["y"] + 5)
+    await point(page, SMALL, "driver", (0.5, 0.5), (screen, LARGE))
+    assert {dot.by for _, dot in site.pointed[counted:]} == {"driver"}
+    await hold(page, "w", lambda: any(command.linear > 0 for _, command in site.applied[before:]))
+    await page.keyboard.up("w")
+
+    # Without a data channel dots come through the server.
+    site.deaf_to_channel = True
+    counted = len(site.pointed)
+    await point(page, SMALL, "driver", (0.2, 0.2), (screen, LARGE))
+    assert {way for way, _ in site.pointed[counted:]} == {"mqtt"}
+    site.deaf_to_channel = False
+
+    # Who shows nothing any more points at nothing.
+    await page.click("#presence-hang-up")
+    await page.wait_for_selector("#shared", state="hidden")
+    await screen.wait_for_selector("#dots:not([data-open])", state="attached")
+    assert complaints == []
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (1024, 560), (390, 844), (844, 390)])
+async def test_what_they_see_lies_neither_over_the_way_ahead_nor_over_anything_to_press(chromium, site, size) -> None:
+    complaints: list[str] = []
+    page, _ = await shown(chromium, site, complaints, reduced_motion="reduce")
+    await page.set_viewport_size({"width": size[0], "height": size[1]})
+    await evaluated(page, LAID, lambda apart: apart < 1.0)
+    at = (0.75, 0.25)
+    await point(page, SMALL, "driver", at)
+    await kept(page, f"pointing-{size[0]}")
+    preview, stage = await page.locator("#shared").bounding_box(), await page.locator("#viewport").bounding_box()
+    assert preview["width"] >= 90, "enough to point at"
+    assert preview["y"] + preview["height"] <= stage["y"] + stage["height"] / 2, "it lies over the way ahead"
+    assert preview["x"] >= stage["x"] + stage["width"] / 2
+    for selector in ("#stop", ".presence__bar", "#presence-note", "#tilt", "#map-panel", "#alert"):
+        other = await page.locator(selector).bounding_box()
+        apart = other is None or other["x"] >= preview["x"] + preview["width"] or other["x"] + other["width"] <= preview["x"]
+        apart = apart or other["y"] >= preview["y"] + preview["height"] or other["y"] + other["height"] <= preview["y"]
+        assert apart, f"it lies over {selector}"
+    assert await faults(page) == []
+    assert complaints == []
+
+
+@pytest.fixture
+async def refusing() -> AsyncIterator[Browser]:
+    async with async_playwright() as playwright:
+        browser = await playwright.chromium.launch(executable_path=CHROMIUM, headless=True, args=FLAGS)
+        yield browser
+        await browser.close()
+
+
+async def test_without_camera_or_microphone_there_is_a_next_step_and_driving_goes_on(refusing, site) -> None:
+    complaints: list[str] = []
+    page = await drives(refusing, site, complaints)
+    # A computer without a microphone; then one whose owner has said no.
+    for kind, name, sentence in [
+        ("mic", "NotFoundError", "No microphone was found. Plug one in and ask again, or write to them."),
+        ("camera", "NotAllowedError", "Your browser keeps the camera. Allow it beside the page's address. You can go on driving."),
+        ("camera", "NotReadableError", "Another program uses the camera. Close it and ask again, or go on without."),
+    ]:
+        await page.evaluate(f"() => {{ navigator.mediaDevices.getUserMedia = () => Promise.reject(new DOMException('no', '{name}')); }}")
+        await page.click(f"#presence-{kind}")
+        await page.wait_for_selector(f"#presence-note[data-trouble] >> text={sentence}")
+        assert await page.is_visible("#presence-again")
+        assert await page.is_visible("#presence-where") == (name == "NotAllowedError")
+        assert await drives_on(page, site)
+        await page.click("#presence-dismiss")
+        await page.wait_for_selector("#presence-note", state="hidden")
+    assert site.asked == []
+    assert complaints == []
+
+
+async def drives_on(page: Page, site: PresentRobotPage) -> bool:
+    """Press a key, and again: a page that was held up for a moment lets go of a key, as it should, and people press again."""
+    before = len(site.applied)
+    for _ in range(20):
+        await page.keyboard.down("ArrowUp")
+        await asyncio.sleep(0.5)
+        await page.keyboard.up("ArrowUp")
+        if any(command.linear > 0 for _, command in site.applied[before:]):
+            return True
+    return False
+
+
+async def test_a_photo_is_taken_shown_and_kept(refusing, site) -> None:
+    complaints: list[str] = []
+    page = await drives(refusing, site, complaints)
+    await page.click("#presence-photo")
+    photo = await until(lambda: next((one for one in site.asked if isinstance(one, m.Photo)), None))
+    site.photos[photo.action_id] = (ROOT / "static/img/screens/drive-wide.webp").read_bytes()
+    await page.wait_for_selector("#kept-download:not([hidden])")
+    assert await page.get_attribute("#kept-download", "download") == "giraff.jpg"
+    await page.click("#kept-close")
+    await page.wait_for_selector("#kept", state="hidden")
+    assert complaints == []

@@ -1,0 +1,122 @@
+"""Profiles of the drive page, the connection in figures, and the whole screen, in a real Chromium."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+import pytest
+from playwright.async_api import Page, async_playwright
+
+from sessions import wire
+from tests.integration.browser.test_drive_page_alone import driving, hold, stops, until
+from tests.support.browser_page import CHROMIUM, FLAGS
+from tests.support.fake_robot_page import FakeRobotPage
+
+pytestmark = pytest.mark.browser
+KNOWN = ("fps", "glass", "trip_direct", "trip_server", "age", "refused", "loss", "jitter", "rate", "freezes", "size", "path")
+FIGURES = """() => Object.fromEntries([...document.querySelectorAll(".figure")].map((cell) => [cell.dataset.figure, cell.querySelector("span").textContent]))"""
+WAY = """() => {
+  const panel = document.querySelector("#technical").getBoundingClientRect(), picture = document.querySelector("#viewport").getBoundingClientRect();
+  const covers = panel.right > picture.left && panel.left < picture.right && panel.bottom > picture.top && panel.top < picture.bottom;
+  return covers ? (panel.bottom - picture.top) / picture.height : 0;
+}"""
+
+
+@pytest.fixture
+def site():
+    with FakeRobotPage() as fake:
+        yield fake
+
+
+@pytest.fixture
+async def page(site) -> AsyncIterator[Page]:
+    async with async_playwright() as playwright:
+        browser = await playwright.chromium.launch(executable_path=CHROMIUM, headless=True, args=FLAGS)
+        context = await browser.new_context(viewport={"width": 1280, "height": 800}, permissions=["clipboard-read", "clipboard-write"])
+        page = await context.new_page()
+        yield page
+        await browser.close()
+
+
+def shown(site: FakeRobotPage) -> list[str]:
+    """What the records say of the profiles that were in force, in order."""
+    return [event.data["interface"] for event in site.said("page/event") if event.type == "layout"]
+
+
+@asynccontextmanager
+async def visit(page: Page, site: FakeRobotPage) -> AsyncIterator[None]:
+    await page.goto(f"{site.url}?go=1")
+    await driving(page)
+    yield
+    site.end("completed")
+
+
+async def choose(page: Page, name: str) -> None:
+    await page.click("#presence-volumes")
+    await page.click(f"#profiles button[value={name}]")
+    await page.click("#presence-volumes")
+
+
+async def test_what_a_visitor_chooses_is_shown_and_kept_what_a_study_has_chosen_stands_above_it(page, site):
+    async with visit(page, site):
+        await until(lambda: shown(site) == ["standard"])
+        assert await page.is_visible("#hints")
+        await choose(page, "expert")
+        await until(lambda: shown(site) == ["standard", "expert"])
+        assert not await page.is_visible("#hints")
+        assert await page.get_attribute("[data-action=speed-2]", "aria-pressed") == "true"
+        await choose(page, "technical")
+        await page.keyboard.down("ArrowUp")
+        figures = await _figures(page, *KNOWN)
+        await page.keyboard.up("ArrowUp")
+        await page.click("#figures-copy")
+        copied = await _copied(page)
+        assert await page.evaluate(WAY) == 0
+        await page.set_viewport_size({"width": 844, "height": 390})
+        assert 0 < await page.evaluate(WAY) < 0.3
+    assert figures["size"].endswith("VP8")
+    assert figures["path"].startswith("direct")
+    assert "Age of commands: " in copied
+    await page.set_viewport_size({"width": 1280, "height": 800})
+    await page.goto(site.url)
+    await until_page(page, "() => document.getElementById('cockpit').dataset.profile === 'technical'")
+    await _in_a_study(page, site)
+
+
+async def _in_a_study(page: Page, site: FakeRobotPage) -> None:
+    site.terms = wire.GrantedTerms(interface="expert")
+    before = len(shown(site))
+    await page.click("#card-main")
+    await driving(page)
+    await until(lambda: "expert" in shown(site)[before:])
+    await page.click("#presence-volumes")
+    assert await page.locator("#profiles button:disabled").count() == 4
+    assert await page.inner_text("#profile-text") == "The study has chosen it."
+    await page.click("#full-screen")
+    await until_page(page, "() => document.fullscreenElement !== null")
+    await page.click("#presence-volumes")
+    known = len(site.applied)
+    await hold(page, "ArrowUp", lambda: len(site.applied) > known + 3)
+    halts = len(stops(site))
+    await page.evaluate("document.exitFullscreen()")  # what the browser does on Escape, which a page never sees; whoever drives has stopped
+    await until(lambda: len(stops(site)) > halts)
+    await until(lambda: [event.data["on"] for event in site.said("page/event") if event.type == "full_screen"] == [True, False])
+
+
+async def until_page(page: Page, condition: str) -> None:
+    for _ in range(600):
+        if await page.evaluate(condition):
+            return
+        await asyncio.sleep(0.05)
+    raise AssertionError(condition)
+
+
+async def _figures(page: Page, *needed: str) -> dict[str, str]:
+    """Return the figures once those that are needed are known."""
+    await until_page(page, f"() => {list(needed)}.every((name) => !['–', undefined].includes(({FIGURES})()[name]))")
+    return await page.evaluate(FIGURES)
+
+
+async def _copied(page: Page) -> str:
+    await until_page(page, "() => document.querySelector('#figures-copy-text').textContent !== 'Copy'")
+    return await page.evaluate("navigator.clipboard.readText()")

@@ -1,0 +1,31 @@
+"""What every test of this lane keeps to: it starts no process, connects to nothing, opens no database and does not sleep."""
+
+import sys
+from collections.abc import Iterator
+
+import pytest
+
+FORBIDDEN = frozenset({
+    "subprocess.Popen", "os.fork", "os.posix_spawn", "socket.connect", "socket.bind", "sqlite3.connect", "time.sleep",
+})  # fmt: skip
+_running: list[str] = []
+
+
+class NotAUnitTestError(AssertionError):
+    """It belongs into tests/integration, or into tests/timing when real time is what it tests."""
+
+
+def _refuse(event: str, arguments: tuple[object, ...]) -> None:
+    if event in FORBIDDEN and _running:
+        raise NotAUnitTestError(f"{_running[-1]}: {event} {arguments}")
+
+
+sys.addaudithook(_refuse)  # it cannot be taken off again, so that it asks whether a test of this lane runs
+
+
+@pytest.fixture(autouse=True)
+def pure(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Hold the test to the rules of its lane."""
+    _running.append(request.node.nodeid)
+    yield
+    _running.pop()
