@@ -1,5 +1,7 @@
 # make demo    drive a simulated robot from a web page, on this machine    [PORT=8000] [LAN=1] [RESET=1]
-# make test    set up what the tests need, and run all of them
+# make check   style, types and the unit tests: a minute, for every change
+# make test    set up what the tests need, and run everything that proves function
+# make soak    what proves endurance: hours, before a release
 # make lint    style, types, and the direction of imports
 # make bench   the benchmarks; results in benchmarks/results
 # make screenshots    pictures of all pages, to be looked at, in var/screenshots
@@ -11,7 +13,7 @@ BIN := $(VENV)/bin
 PHOTOGRAPHED := $(addprefix tests/integration/browser/test_,accessibility.py autonomy.py slow_picture.py replay.py presence.py)
 export PORT LAN RESET
 
-.PHONY: demo test lint bench docs lock setup setup-dev test-packages screenshots
+.PHONY: demo check test soak lint bench docs lock setup setup-dev test-packages screenshots
 .DEFAULT_GOAL := demo
 
 demo: setup
@@ -27,7 +29,13 @@ test-packages:
 	@sh deploy/test_packages.sh
 
 test: setup-dev test-packages
-	@BIN="$(BIN)" sh deploy/run_tests.sh
+	@BIN="$(BIN)" sh deploy/run_tests.sh test
+
+check: setup-dev
+	@BIN="$(BIN)" sh deploy/run_tests.sh check
+
+soak: setup-dev test-packages
+	@BIN="$(BIN)" sh deploy/run_tests.sh soak
 
 lint: setup-dev
 	@BIN="$(BIN)" sh deploy/run_tests.sh lint

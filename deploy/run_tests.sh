@@ -1,22 +1,75 @@
 #!/bin/sh
-# Everything that is checked before a change lands: run_tests.sh [lint]. BIN names the virtual environment's bin folder.
+# What is checked before a change lands: run_tests.sh lint|check|test|soak. BIN names the virtual environment's bin folder.
+#   lint   style, types, and the direction of imports
+#   check  lint and the unit lane, for every change
+#   test   everything that proves function
+#   soak   everything that proves endurance, before a release
 set -eu
 started=$(date +%s)
+logs=$(mktemp -d)
+trap 'kill $(jobs -p) 2>/dev/null || true; rm -rf "$logs"' EXIT
 step() { printf '\n== %s (%s s)\n' "$1" "$(($(date +%s) - started))"; }
-step "ruff"
-"$BIN/ruff" check .
-"$BIN/ruff" format --check .
-step "mypy"
-"$BIN/mypy"
-step "mypy: the agent as Windows and the newest Python would have it"
-"$BIN/mypy" --platform win32 --python-version 3.13 robots/api robots/agent
-step "import-linter"
-"$BIN/lint-imports" --no-cache
-[ "${1:-}" = lint ] && exit 0
-step "node --test"
-node --test --test-reporter=dot tests/js/
-step "pytest: what computes, on every core"
-"$BIN/python" -m pytest -q -n logical --dist loadfile --no-loadscope-reorder -m "not alone" ${PYTEST_ARGS:-}
-step "pytest: what needs the computer for itself"
-"$BIN/python" -m pytest -q -m alone ${PYTEST_ARGS:-}
+
+# Two cores are not full while tests wait for real servers: more of these run at once than there are cores.
+cores=$(getconf _NPROCESSORS_ONLN)
+pytest() { "$BIN/python" -m pytest -q --dist loadfile --no-loadscope-reorder --durations 10 --durations-min 1 "$@" ${PYTEST_ARGS:-}; }
+unit() { pytest -n logical tests/unit; }
+servers() { pytest -n $((cores + 1)) -m "$1" tests/integration --ignore tests/integration/browser; }
+browsers() { pytest -n "$cores" -m "$1" tests/integration/browser; }
+timing() { pytest -p no:xdist -m "$1" tests/timing; }
+
+lint() {
+    step "ruff"
+    "$BIN/ruff" check .
+    "$BIN/ruff" format --check .
+    step "import-linter"
+    "$BIN/lint-imports" --no-cache
+    step "mypy"
+    "$BIN/mypy"
+    [ "${1:-}" = quick ] && return
+    step "mypy: the agent as Windows and the newest Python would have it"
+    "$BIN/mypy" --platform win32 --python-version 3.13 robots/api robots/agent
+}
+
+# together NAME FUNCTION ARGUMENT [FUNCTION ARGUMENT …]: run them side by side, then show what each said. Fails when one did.
+together() {
+    step "$1"
+    shift
+    waited=""
+    while [ $# -gt 0 ]; do
+        "$1" "$2" >"$logs/$1" 2>&1 &
+        waited="$waited $1:$!"
+        shift 2
+    done
+    failed=""
+    for one in $waited; do
+        wait "${one#*:}" || failed="$failed ${one%%:*}"
+        printf '\n-- %s (%s s)\n' "${one%%:*}" "$(($(date +%s) - started))"
+        cat "$logs/${one%%:*}"
+    done
+    [ -z "$failed" ] || { echo "failed:$failed" >&2; exit 1; }
+}
+
+case "${1:-test}" in
+    lint) lint ;;
+    check)
+        together "style, types and the unit lane" lint quick unit ""
+        ;;
+    test)
+        lint
+        step "node --test"
+        node --test --test-reporter=dot tests/js/
+        step "unit"
+        unit
+        together "integration" servers "not soak" browsers "not soak"
+        step "timing: alone on the computer"
+        timing "not soak"
+        ;;
+    soak)
+        step "soak: this takes hours, and prints what each part took"
+        servers soak
+        browsers soak
+        timing soak
+        ;;
+esac
 step "done"

@@ -1,5 +1,6 @@
 """Fixtures of every test."""
 
+import collections
 import os
 import sys
 
@@ -7,6 +8,8 @@ import pytest
 from django.core.cache import cache
 from django.utils import translation
 from hypothesis import HealthCheck, settings
+
+LONGEST_FILE_S = 20.0
 
 pytest.register_assert_rewrite("tests.support.adapter_conformance", "tests.support.rca_conformance")
 
@@ -41,3 +44,15 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the files that are marked `long`, so that no core waits for another at the end."""
     items.sort(key=lambda item: item.get_closest_marker("long") is None)
+
+
+def pytest_terminal_summary(terminalreporter) -> None:
+    """Name the files whose tests took long together: each is to be made quicker, or is a matter of endurance."""
+    seconds = collections.Counter()
+    for reports in terminalreporter.stats.values():
+        for report in reports:
+            if isinstance(report, pytest.TestReport):
+                seconds[report.location[0]] += report.duration
+    for path, took in seconds.most_common():
+        if took > LONGEST_FILE_S:
+            terminalreporter.line(f"{took:6.1f} s  {path}: longer than {LONGEST_FILE_S:.0f} s")

@@ -13,6 +13,8 @@ import pytest
 from tests.support.paths import ROOT
 from tests.support.postgres import running_postgres
 
+pytestmark = pytest.mark.long
+
 ROUNDS = 30
 PREPARE = """
 import json, django

@@ -33,7 +33,7 @@ from tests.support.paths import ROOT
 from tests.support.study_dataset import made_up
 from tests.support.study_rows import AGENT, put
 
-pytestmark = pytest.mark.django_db
+pytestmark = [pytest.mark.django_db, pytest.mark.long]
 
 
 def commented(definition):

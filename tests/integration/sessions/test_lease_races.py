@@ -12,6 +12,8 @@ import pytest
 from tests.support.paths import ROOT
 from tests.support.postgres import running_postgres
 
+pytestmark = pytest.mark.long
+
 ROUNDS = 1000
 RUNNER = """
 import json, sys

@@ -6,6 +6,7 @@ permitted is kept beside it.
 
 import math
 
+import pytest
 from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 
@@ -14,6 +15,8 @@ from robots.agent.permissions import Sender
 from robots.agent.safety import MAX_STEP
 from robots.api import messages as m
 from tests.support.kernel_bench import LIMITS, Bench
+
+pytestmark = pytest.mark.long
 
 SLACK = 1e-9
 

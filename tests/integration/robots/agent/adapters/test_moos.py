@@ -14,9 +14,9 @@ from robots.agent.adapters.moos_client import MoosClient
 from robots.agent.adapters.moos_wire import Mail
 from robots.api.messages import Goto
 from tests.support.adapter_conformance import some, wait_for
-from tests.support.rca_conformance import RcaConformance, ended, heard
 from tests.support.moos_robot import MoosRig
 from tests.support.moosdb import MoosDb
+from tests.support.rca_conformance import RcaConformance, ended, heard
 
 REAL = os.environ.get("MOOSDB", "")
 

@@ -9,9 +9,9 @@ from robots.agent.adapters import openmora, registry, remote
 from robots.agent.adapters.contract import AdapterError
 from robots.api.messages import Goto, Relocalize, Velocity
 from tests.support.adapter_conformance import some, wait_for
-from tests.support.rca_conformance import RcaConformance, drive, ended, heard, lost
 from tests.support.openmora_robot import OpenMoraRig
 from tests.support.patience import patient
+from tests.support.rca_conformance import RcaConformance, drive, ended, heard, lost
 
 
 class TestGiraff(RcaConformance):

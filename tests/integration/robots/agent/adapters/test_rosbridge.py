@@ -13,8 +13,8 @@ from robots.agent.adapters.contract import AdapterError
 from robots.agent.adapters.rosbridge import _plain
 from robots.api.messages import Dock, Velocity
 from tests.support.adapter_conformance import some, wait_for
-from tests.support.rca_conformance import RcaConformance, connected, drive, sees_grey
 from tests.support.patience import patient
+from tests.support.rca_conformance import RcaConformance, connected, drive, sees_grey
 from tests.support.rosbridge_robot import RosbridgeRig
 from tests.support.rosbridge_server import RosbridgeServer
 

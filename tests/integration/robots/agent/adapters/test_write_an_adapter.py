@@ -7,8 +7,8 @@ import pytest
 
 from robots.agent.adapters import registry
 from robots.agent.adapters.contract import AdapterError
-from tests.support.rca_conformance import RcaConformance
 from tests.support.paths import ROOT
+from tests.support.rca_conformance import RcaConformance
 from tests.support.rca_world import RcaRig
 
 PAGE = ROOT / "docs" / "howto" / "write-an-adapter.md"

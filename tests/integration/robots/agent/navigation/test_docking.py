@@ -16,6 +16,8 @@ from robots.agent.world.sites import load_site
 from robots.api.floorplan import Furniture
 from tests.support.navigation_rig import Rig
 
+pytestmark = pytest.mark.long
+
 SITE = load_site("office")
 BOTH = sorted(MODELS.items())
 
