@@ -14,7 +14,7 @@ from tests.support.postgres import running_postgres
 
 pytestmark = pytest.mark.long
 
-ROUNDS = 1000
+ROUNDS = [100, pytest.param(10_000, marks=pytest.mark.soak)]
 RUNNER = """
 import json, sys
 import django
@@ -37,7 +37,7 @@ def database(request, tmp_path_factory) -> Iterator[dict[str, str]]:
 
 
 def django(environment: dict[str, str], code: str) -> str:
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -74,7 +74,7 @@ from accounts.models import User
 from robots.models import Robot
 from django.utils import timezone
 now = timezone.now() + timezone.timedelta(hours=1)  # heard of all the time
-Robot.objects.bulk_create(Robot(name=f"{prefix}{n}", title="r", connection="ONLINE", last_seen_at=now) for n in range(rounds))
+Robot.objects.bulk_create(Robot(name=f"{prefix}-{n}", title="r", connection="ONLINE", last_seen_at=now) for n in range(rounds))
 for name in ("ana", "ben"):
     User.objects.get_or_create(username=name)
 """
@@ -95,29 +95,32 @@ print(json.dumps({
 )
 
 
-def run(environment: dict[str, str], prefix: str, visitors: tuple[str, str]) -> tuple[list[list[dict]], dict]:
-    names = f"prefix, rounds = {prefix!r}, {ROUNDS}\n"
+def run(environment: dict[str, str], prefix: str, visitors: tuple[str, str], rounds: int) -> tuple[list[list[dict]], dict]:
+    prefix += str(rounds)
+    names = f"prefix, rounds = {prefix!r}, {rounds}\n"
     django(environment, names + PREPARE)
     racers = Racers(environment)
     try:
-        rounds = [racers.race(f"{prefix}{n} {visitors[0]} left", f"{prefix}{n} {visitors[1]} right") for n in range(ROUNDS)]
+        answers = [racers.race(f"{prefix}-{n} {visitors[0]} left", f"{prefix}-{n} {visitors[1]} right") for n in range(rounds)]
     finally:
         racers.close()
-    return rounds, json.loads(django(environment, names + COUNT))
+    return answers, json.loads(django(environment, names + COUNT))
 
 
-def test_of_two_visitors_one_drives_and_the_other_waits(database):
-    rounds, found = run(database, "two", ("ana", "ben"))
-    kinds = [sorted(answer["kind"] for answer in answers) for answers in rounds]
-    assert kinds == [["Granted", "Queued"]] * ROUNDS
-    winners = [answers[0]["kind"] == "Granted" for answers in rounds]
-    assert 0 < sum(winners) < ROUNDS, "one side won every time: they did not race"
-    assert found == {"driving": ROUNDS, "waiting": ROUNDS, "leases": ROUNDS, "epochs": [1], "held": ROUNDS, "agree": True}
+@pytest.mark.parametrize("rounds", ROUNDS)
+def test_of_two_visitors_one_drives_and_the_other_waits(database, rounds):
+    told, found = run(database, "two", ("ana", "ben"), rounds)
+    kinds = [sorted(answer["kind"] for answer in answers) for answers in told]
+    assert kinds == [["Granted", "Queued"]] * rounds
+    winners = [answers[0]["kind"] == "Granted" for answers in told]
+    assert 0 < sum(winners) < rounds, "one side won every time: they did not race"
+    assert found == {"driving": rounds, "waiting": rounds, "leases": rounds, "epochs": [1], "held": rounds, "agree": True}
 
 
-def test_of_two_tabs_of_one_visitor_one_drives_and_the_other_is_told_where(database):
-    rounds, found = run(database, "tab", ("ana", "ana"))
-    for answers in rounds:
+@pytest.mark.parametrize("rounds", ROUNDS)
+def test_of_two_tabs_of_one_visitor_one_drives_and_the_other_is_told_where(database, rounds):
+    told, found = run(database, "tab", ("ana", "ana"), rounds)
+    for answers in told:
         assert sorted(answer["kind"] for answer in answers) == ["Granted", "Refused"]
         assert answers[0]["session"] == answers[1]["session"], "two tabs, one session"
-    assert found == {"driving": ROUNDS, "waiting": 0, "leases": ROUNDS, "epochs": [1], "held": ROUNDS, "agree": True}
+    assert found == {"driving": rounds, "waiting": 0, "leases": rounds, "epochs": [1], "held": rounds, "agree": True}
