@@ -30,10 +30,13 @@ def stamp_of(said: float, arrived: float) -> float:
 
 
 class Readings:
-    """The newest of everything. `heard_at` is the moment (monotonic) at which the RCA last said where or how fast the robot is."""
+    """The newest of everything.
+
+    `heard_at` is the moment (monotonic) at which the RCA last said where or how fast the robot is, `fixed_at` that of its localization.
+    """
 
     def __init__(self, battery: BatteryRange | None = None) -> None:
-        self.heard_at = -math.inf
+        self.heard_at = self.fixed_at = -math.inf
         self.fresh = False
         self.docked = False
         self.estop = False
@@ -60,7 +63,7 @@ class Readings:
 
     def located(self, pose: Pose, stamp: float, now: float) -> None:
         """Take the RCA's own pose in the map; without odometry it says how the robot moves too."""
-        self._fix = pose
+        self._fix, self.fixed_at = pose, now
         here = Pose2D(pose.x, pose.y, pose.theta)
         if self.odometry is None:
             self._advance(here, stamp)
@@ -69,14 +72,14 @@ class Readings:
             then = min(self._track, key=lambda entry: abs(entry[0] - stamp))[1]
             self._map_from_odometry = here.compose(then.inverse())
 
-    def corrected(self, map_from_odometry: Pose2D, score: float = 1.0) -> None:
+    def corrected(self, map_from_odometry: Pose2D, now: float, score: float = 1.0) -> None:
         """Take how the frame of the odometry lies in the map, as a localization on tf says it."""
-        self._map_from_odometry = map_from_odometry
+        self._map_from_odometry, self.fixed_at = map_from_odometry, now
         self._fix = msgspec.structs.replace(NOWHERE, localized=True, score=score)
 
-    def lost(self) -> None:
+    def lost(self, now: float) -> None:
         """Take that the RCA does not know where it is."""
-        self._fix, self._map_from_odometry = NOWHERE, None
+        self._fix, self._map_from_odometry, self.fixed_at = NOWHERE, None, now
 
     def scanned(self, scan: Scan) -> None:
         """Take a sweep of the laser."""

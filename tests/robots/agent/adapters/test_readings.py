@@ -80,9 +80,9 @@ def test_a_fix_belongs_to_the_odometry_of_its_own_moment():
 def test_a_transform_says_where_the_odometry_lies_in_the_map_and_what_is_lost_is_nowhere():
     readings = Readings()
     readings.moved(Pose2D(1.0, 0.0, 0.0), AHEAD, 100.0, 100.0)
-    readings.corrected(Pose2D(2.0, 3.0, math.pi))
+    readings.corrected(Pose2D(2.0, 3.0, math.pi), 100.0)
     assert (readings.pose.x, readings.pose.y, readings.pose.localized) == (pytest.approx(1.0), pytest.approx(3.0), True)
-    readings.lost()
+    readings.lost(101.0)
     assert readings.pose == NOWHERE
 
 
