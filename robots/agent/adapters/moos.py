@@ -88,7 +88,7 @@ class MoosAdapter(RemoteAdapter):
         self._connected_at = self._error_at = self._asked_at = 0.0
         self._place = ""
         self._voltage: float | None = None
-        self._charging = False
+        self._charging: bool | None = None
 
     async def _open(self) -> None:
         options = self._options

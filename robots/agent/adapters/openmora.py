@@ -30,14 +30,14 @@ def listed_nodes(text: str) -> frozenset[str]:
 
 @dataclass(frozen=True)
 class Status:
-    """`Status`, ten times a second. `pose` and `voltage` are None, and names empty, when the robot does not know."""
+    """`Status`, ten times a second. `pose`, `voltage` and `charging` are None, and names empty, when the robot does not know."""
 
     pose: Pose | None
     place: str
     destination: str
     autonomous: bool
     voltage: float | None
-    charging: bool
+    charging: bool | None
 
 
 def stamped(text: str, unix: float) -> str:
@@ -119,7 +119,7 @@ def status_of(text: str) -> Status:
         voltage = None if volts in {"", UNKNOWN} else float(volts) or None  # 0.00 is a variable that nobody has said yet
     except ValueError as error:
         raise DialectError(f"no voltage: {volts[:20]!r}") from error
-    return Status(pose_of(pose), _name(place), _name(destination), mode == "Autonomous", voltage, charging.strip() == "1")
+    return Status(pose_of(pose), _name(place), _name(destination), mode == "Autonomous", voltage, _truth(charging))
 
 
 def scan_of(text: str, stamp: float, farthest: float) -> Scan:
@@ -164,6 +164,10 @@ def tilt_of(degrees: float, robot: RobotProfile, sign: float) -> float:
 
 def _name(text: str) -> str:
     return "" if text.strip() == UNKNOWN else text.strip()
+
+
+def _truth(text: str) -> bool | None:
+    return {"1": True, "0": False}.get(text.strip())
 
 
 def _is_number(word: str) -> bool:

@@ -10,7 +10,7 @@ from collections import deque
 
 import msgspec
 
-from robots.agent.adapters.contract import NOWHERE, RcaState
+from robots.agent.adapters.contract import NOWHERE, UNKNOWN_BATTERY, RcaState
 from robots.agent.adapters.robot_profile import BatteryRange
 from robots.agent.motion import ZERO
 from robots.api.geometry import Pose2D, wrap_angle
@@ -21,7 +21,6 @@ WINDOW = 0.3  # seconds over which poses become a velocity
 FASTEST, FASTEST_TURN = 3.0, 6.0  # m/s and rad/s: what is faster is a new fix, not a motion
 CLOCK_SKEW = 0.5  # seconds by which a stamp may differ from its arrival and still be believed
 TICK = 1e-4  # seconds: stamps grow, whatever clocks do
-FULL = Battery(charge=1.0)
 
 
 def stamp_of(said: float, arrived: float) -> float:
@@ -44,7 +43,7 @@ class Readings:
         self.errors: tuple[str, ...] = ()
         self.odometry: Pose2D | None = None
         self._range = battery
-        self._battery = FULL
+        self._battery = UNKNOWN_BATTERY
         self._velocity: Velocity | None = None
         self._track: deque[tuple[float, Pose2D]] = deque(maxlen=REMEMBERED)
         self._fix = NOWHERE
@@ -85,12 +84,13 @@ class Readings:
         """Take a sweep of the laser."""
         self._scan = scan
 
-    def charged(self, *, voltage: float | None = None, charge: float | None = None, charging: bool = False) -> None:
-        """Take the battery, which is charged in the dock and nowhere else; a charge that is not said is guessed from the volts."""
+    def charged(self, *, voltage: float | None = None, charge: float | None = None, charging: bool | None = None) -> None:
+        """Take the battery, which is charged in the dock and nowhere else; a charge that is not said follows from the volts, if it can."""
         if charge is None and voltage is not None and self._range is not None:
             charge = self._range.charge(voltage)
-        self._battery = Battery(charge=self._battery.charge if charge is None else min(1.0, max(0.0, charge)), voltage=voltage, charging=charging)
-        self.docked = charging
+        known = None if charge is None or not math.isfinite(charge) else min(1.0, max(0.0, charge))
+        self._battery = Battery(charge=known, voltage=voltage, charging=charging)
+        self.docked = charging is True
 
     def bumped(self, *, touching: bool) -> None:
         """Take the bumpers: a contact begins when one is pressed."""
