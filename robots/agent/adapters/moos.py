@@ -47,7 +47,7 @@ ERROR_SHOWN = 10.0
 log = logging.getLogger(__name__)
 
 
-class Options(Struct, frozen=True):
+class Options(Struct, frozen=True, kw_only=True):
     """Where the MOOSDB is, and who we are to it; `tilt_sign` -1 where the head counts upwards, `nodes` places by name, by comma.
 
     Told where it is, the robot looks for itself in a square that reaches `relocalize_half_width` metres either way, with so many
@@ -57,7 +57,7 @@ class Options(Struct, frozen=True):
     host: str = "127.0.0.1"
     port: int = 9000
     name: str = "telepresence"
-    watchdog: float = 0.5
+    watchdog: float
     tilt_sign: float = 1.0
     nodes: str = ""
     relocalize_half_width: float = 1.0

@@ -43,7 +43,7 @@ GIVEN_UP = 20.0  # seconds after which one that is not has given up
 ERROR_SHOWN = 10.0
 
 
-class Options(Struct, frozen=True):
+class Options(Struct, frozen=True, kw_only=True):
     """`broker` is the robot's own broker, `robot` the first part of its topics.
 
     `user` is who its session logger says drives (empty: nobody); `range_max` in metres, `tilt_sign` -1 where the head counts upwards;
@@ -55,7 +55,7 @@ class Options(Struct, frozen=True):
     username: str = ""
     password: str = ""
     user: str = "telepresence"
-    watchdog: float = 0.5
+    watchdog: float
     range_max: float = 30.0
     tilt_sign: float = 1.0
     nodes: str = ""

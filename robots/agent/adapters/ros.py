@@ -69,7 +69,7 @@ class RosOptions(Struct, frozen=True, kw_only=True):
     bumper: str = ""
     estop: str = ""
     image: str = ""
-    watchdog: float = 0.6
+    watchdog: float
 
 
 class Goals(Protocol):
