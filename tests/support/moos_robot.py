@@ -14,13 +14,15 @@ from robots.agent.adapters.contract import AdapterError
 from robots.agent.adapters.moos_client import MoosClient
 from tests.support import openmora_rules
 from tests.support.moosdb import MoosDb
+from tests.support.patience import patient
 from tests.support.rca_world import RcaRig
 
 HEARD = (
     "MOTION_REQUEST", "NAVIGATE_TARGET", "GO_TO_NODE", "GO_TO_RECHARGE", "PARKING", "CANCEL_NAVIGATION", "NEW_TASK", "TILT_SET_ANGLE_FROM_HOME",
-    "RELOCALIZE_IN_AREA", "TILT_GET_ANGLE_FROM_HOME",
+    "RELOCALIZE_IN_AREA", "TILT_GET_ANGLE_FROM_HOME", "CLIENT_MQTT_ACK",
 )  # fmt: skip
 MANUAL, AUTONOMOUS = 0, 2
+CLIENT_ACK_INTERVAL = 2.0  # max_client_ack_interval, with use_client_alive_ack
 NODES = {"Sofa": (6.4, 1.0), "Door": (5.9, 1.0)}
 VIA = {"Sofa": "Door"}  # a plan of two journeys
 
@@ -38,6 +40,7 @@ class MoosRig(RcaRig):
         self._began = 0.0
         self._told = ""
         self._charging = None
+        self._acked_at = 0.0
         self._mode = MANUAL
         self._plan = []  # the nodes that are still to be reached
         self.bumped = 0.0
@@ -90,8 +93,9 @@ class MoosRig(RcaRig):
                 if self._mode == AUTONOMOUS:  # it is a MOTION_CMD_V, which the base obeys in no other mode
                     world.undock()
             case "CANCEL_NAVIGATION":
-                self._mode, self._plan = MANUAL, []
-                world.cancel()
+                self._cancel()
+            case "CLIENT_MQTT_ACK":
+                self._acked_at = time.monotonic()
             case "TILT_SET_ANGLE_FROM_HOME":
                 world.tilt(world.sim.model.tilt.home + math.radians(value))
                 self._say_angle()
@@ -99,6 +103,11 @@ class MoosRig(RcaRig):
                 self._say_angle()
             case "RELOCALIZE_IN_AREA":
                 openmora_rules.relocalize(world, value)
+
+    def _cancel(self):
+        self._mode, self._plan = MANUAL, []
+        self.world.cancel()
+        self.world.drive(0.0, 0.0)
 
     def _go_to(self, target):
         self._mode = AUTONOMOUS
@@ -123,6 +132,8 @@ class MoosRig(RcaRig):
 
     def _say(self, count):
         sim, notify = self.world.sim, self._client.notify
+        if time.monotonic() - self._acked_at > patient(CLIENT_ACK_INTERVAL) and not sim.docked:
+            self._cancel()
         if count % 3 == 0:
             suffix, pose = "deg" if count % 2 else "", self.world.believed
             notify("LOCALIZATION", f"[{pose.x:.4f} {pose.y:.4f} {math.degrees(pose.theta):.3f}{suffix}]")

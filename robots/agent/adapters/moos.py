@@ -10,9 +10,13 @@ What OpenMORA does with these variables (its sources, by module and file):
 - The head's angle is said once after TILT_SET_ANGLE_FROM_HOME, before it has turned, and whenever TILT_GET_ANGLE_FROM_HOME asks.
 - UNDOCK sets MOTION_CMD_V, which the base obeys in autonomous mode alone (MobileRobot_Giraff/CRobotGiraffApp.cpp); docking ends in
   manual mode. A MOTION_REQUEST, of zero too, makes it autonomous.
+- With `use_client_alive_ack`, as shipped, a robot out of its dock is stopped again and again while CLIENT_MQTT_ACK has not come for two seconds
+  (RobotControlManager/CRobotControllerApp.cpp, Iterate). So it has to come from us; when we are dead, that stops the base.
 """
 
+import asyncio
 import contextlib
+import itertools
 import logging
 import math
 import time
@@ -41,6 +45,7 @@ SETTING_OUT = 5.0
 OURS = ["0", "ROBOT_CONTROLLER"]  # of PLAN_FINISHED: the journey to a node
 ARRIVED = 0.6  # metres from its goal at which a robot that ended its journey has reached it: OpenMORA allows itself 0.4
 LANDING = 2.0  # seconds that the place may come after the end of the journey
+ACK_PERIOD = 0.5  # seconds
 ASKING = 0.3  # seconds between two questions for the head's angle while it turns
 ERROR_SHOWN = 10.0
 
@@ -98,11 +103,17 @@ class MoosAdapter(RemoteAdapter):
         for key in HEARD:
             self._client.register(key)
         self._ask_for_angle(time.monotonic())
+        self._run(self._acknowledge())
 
     async def _shut(self) -> None:
         client, self._client = self._client, None
         if client is not None:
             await client.close()
+
+    async def _acknowledge(self) -> None:
+        for count in itertools.count(1):
+            self._notify("CLIENT_MQTT_ACK", f"{count} {openmora.milliseconds(time.time())}|0 0|0 0")
+            await asyncio.sleep(ACK_PERIOD)
 
     # --- what it hears ---------------------------------------------------------------------------------------------------
 
