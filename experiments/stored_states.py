@@ -46,10 +46,10 @@ class Velocity(Part):
 
 
 class Battery(Part):
-    """How much charge it had."""
+    """How much charge it had; None for what the robot did not know."""
 
-    charge: float
-    charging: bool = False
+    charge: float | None = None
+    charging: bool | None = False
 
 
 class Command(Part):

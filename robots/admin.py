@@ -152,9 +152,9 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     def battery(self, robot: Robot) -> str:
         """Its charge, and whether it charges."""
         battery = (robot.report or {}).get("battery")
-        if not battery:
+        if battery is None:
             return NOTHING
-        charge = f"{battery['charge']:.0%}"
+        charge = _now("unknown") if battery.get("charge") is None else f"{battery['charge']:.0%}"
         return _now("%(charge)s, charging") % {"charge": charge} if battery.get("charging") else charge
 
     @admin.display(description=_("dock"))

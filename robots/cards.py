@@ -30,7 +30,8 @@ class Traffic:
 class Card:
     """A robot as the list shows it, in the language of the request.
 
-    `charge` is in percent, None when the robot has not said; `drives` tells that the button means driving, now or in turn.
+    `charge` is in percent, None when nobody knows; `battery` says it in words, empty of a robot that is away. `drives` tells that the
+    button means driving, now or in turn.
     """
 
     name: str
@@ -72,7 +73,7 @@ def card(robot: Robot, traffic: Traffic, *, barred: str, url: str, now: datetime
         label=away[0] if away else _label(state),
         detail=_barred(barred) or (away[1] if away else _detail(state, robot, traffic, now)),
         charge=charge,
-        battery="" if charge is None else _charge(charge, charging=charging),
+        battery="" if state == "offline" else _charge(charge, charging=charging),
         action=_action(state, robot.title or robot.name, drives=drives),
         drives=drives,
         url=url,
@@ -155,7 +156,9 @@ def _action(state: CardState, title: str, *, drives: bool) -> str:
     return _("Wait in line") if state == "busy" else _("Drive %(robot)s") % {"robot": title}
 
 
-def _charge(charge: int, *, charging: bool) -> str:
+def _charge(charge: int | None, *, charging: bool) -> str:
+    if charge is None:
+        return _("Battery unknown, charging") if charging else _("Battery unknown")
     return (_("%(n)d %%, charging") if charging else _("%(n)d %%")) % {"n": charge}
 
 

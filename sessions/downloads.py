@@ -86,7 +86,7 @@ def _row(session: Session, chunk: StateChunk, state: dict[str, Any]) -> list[Any
     return [
         session.pk, session.robot.name, session.visitor_id, chunk.boot, state["seq"], state["stamp"], chunk.clock_offset,
         pose["x"], pose["y"], pose["theta"], pose.get("localized", True), pose.get("score", 1.0), velocity["linear"], velocity["angular"],
-        battery["charge"], battery.get("charging", False), state.get("docked", False), state.get("tilt"), state.get("mode", "manual"),
+        battery.get("charge"), battery.get("charging", False), state.get("docked", False), state.get("tilt"), state.get("mode", "manual"),
         state.get("assist", "off"), safety.get("estop", False), safety.get("collision", False), safety.get("inhibited"), state.get("clearance"),
         state.get("contacts", 0), state.get("distance", 0.0), state.get("visitorSilence"), len(applied), _most(applied, "method"),
         _most(applied, "way"), max((command["age"] for command in applied), default=None),

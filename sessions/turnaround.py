@@ -5,7 +5,8 @@ Pure: `decide` looks at what the robot says and at what it was told, and returns
 - A robot that is docked, localized, charged above its limit, looks straight ahead, gives a picture and answers in time is ready.
 - One that is not docked is told to dock, three times with a pause between; then the queue is paused with the robot's reason, and it
   is tried again every PAUSE seconds, for a door that was closed may be open by then.
-- A docked robot that has lost its place is told where it is; one whose head is tilted is told to level it; an empty one charges.
+- A docked robot that has lost its place is told where it is; one whose head is tilted is told to level it; an empty one charges. A charge
+  that the robot does not know holds nobody back: waiting would not make it known, and a person at the robot sees its lamp.
 - Last of all it is asked for a picture, which nobody keeps: a camera runs only while somebody looks, so nothing else tells whether it works.
   A robot that answers later than its driver could steer it waits for a better network, and pauses the queue when that takes long.
 - An emergency stop pauses at once. Nothing is ordered of a robot that is not heard of.
@@ -34,7 +35,7 @@ class Condition:
     """What the robot says of itself.
 
     `heard` is false when its last state is too old to go by, `level` when its head looks elsewhere, `prompt` when it answers too late to be
-    driven, and `let_go` while its last driver's lease still holds there. `sees` tells whether it has a camera.
+    driven, and `let_go` while its last driver's lease still holds there. `sees` tells whether it has a camera. `charge` is None when unknown.
     """
 
     heard: bool = True
@@ -45,7 +46,7 @@ class Condition:
     docked: bool = False
     localized: bool = True
     level: bool = True
-    charge: float = 1.0
+    charge: float | None = None
     charge_limit: float = 0.0
 
 
@@ -110,7 +111,7 @@ def _at_home(turnaround: Turnaround, condition: Condition, now: float) -> tuple[
     missing: Kind | None = "relocalize" if not condition.localized else "level" if not condition.level else None
     if missing is not None:
         return _try(turnaround, missing, now)
-    if condition.charge < condition.charge_limit:
+    if condition.charge is not None and condition.charge < condition.charge_limit:
         return Turnaround("charging", "charging"), None
     if not condition.prompt:
         return _wait_for_network(turnaround, now), None

@@ -59,7 +59,8 @@ def discovery(robot: dict[str, Any], base: str) -> dict[str, Any]:
         return {"platform": kind, "unique_id": f"{unique}_{name}", "default_entity_id": f"{kind}.{called}_{name}", "name": label, **more}
 
     def truth(name: str, label: str, **more: Any) -> dict[str, Any]:
-        return part("binary_sensor", name, label, value_template=f"{{{{ 'ON' if value_json.{name} else 'OFF' }}}}", **more)
+        said = f"value_json.{name}"
+        return part("binary_sensor", name, label, value_template=f"{{{{ none if {said} is none else 'ON' if {said} else 'OFF' }}}}", **more)
 
     percent = "{{ (value_json.charge * 100) | round(0) if value_json.charge is not none else none }}"
     sensors = {

@@ -28,6 +28,7 @@ from robots.agent.media import MediaSide
 from robots.agent.mqtt import Endpoint, MqttLink
 from robots.agent.priority import SECOND, set_nice
 from robots.agent.rendezvous import believed, broker_urls
+from robots.agent.robot_check import check_robot, say_line
 from robots.agent.store import Store
 from robots.agent.ways_out import Media
 from robots.api.messages import Capability, Factsheet
@@ -258,7 +259,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add_arguments(parser)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s %(message)s", stream=sys.stderr)
     try:
-        run_until_signalled(agent_of(vars(parser.parse_args(arguments))))
+        given = vars(parser.parse_args(arguments))
+        if given["check"]:
+            return 0 if check_robot(given, say_line) else 1
+        run_until_signalled(agent_of(given))
     except ConfigError as error:
         sys.stderr.write(f"{error}\n")
         return 1

@@ -74,16 +74,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--control-network", metavar="WORDS", help=f"{lab}; for commands on their way to the robot")
     parser.add_argument("--video-network", metavar="WORDS", help="the same for picture and sound on their way to the driver")
     parser.add_argument("--network-seed", metavar="N", default="0", help="the seed of their chance (default: 0)")
+    parser.add_argument("--check", action="store_true", help="try the robot with its wheels off the ground, measure its watchdog, and end")
+    parser.add_argument("--yes", action="store_true", help="with --check: its wheels are off the ground, do not ask")
     parser.add_argument("--clear-estop", action="store_true", help="let go of an e-stop that was latched: for whoever stands beside the robot")
 
 
-def load(arguments: Mapping[str, Any], environment: Mapping[str, str] | None = None, *, enrolling: bool = False) -> AgentConfig:
+def load(
+    arguments: Mapping[str, Any], environment: Mapping[str, str] | None = None, *, enrolling: bool = False, checking: bool = False
+) -> AgentConfig:
     """Return the configuration that command line, environment and credentials file make together.
 
     Args:
         arguments: what `add_arguments` parsed.
         environment: `TELEPRESENCE_SERVER`, `TELEPRESENCE_TOKEN` and so on; the process's own by default.
         enrolling: the credentials are still to come: none is asked for, and the file that they will replace is not read.
+        checking: the robot is tried without a site: none is asked for, and the robot's kind is.
 
     Raises:
         ConfigError: something is missing, contradictory or unreadable.
@@ -94,11 +99,12 @@ def load(arguments: Mapping[str, Any], environment: Mapping[str, str] | None = N
     path = credentials_path(arguments, environment)
     kept = {} if enrolling else _credentials(path, named=path != _usual_path(var, robot), robot=robot)
     found = {name: _first(arguments.get(name), environment.get(ENVIRONMENT + name.upper()), kept.get(name)) for name in SETTINGS}
-    _check_addresses(arguments, found, enrolling=enrolling)
-    _check_adapter(found, enrolling=enrolling)
+    if not checking:
+        _check_addresses(arguments, found, enrolling=enrolling)
+    _check_adapter(found, enrolling=enrolling or checking)
     return AgentConfig(
         robot=robot,
-        server=None if found["mqtt_url"] else str(found["server"]).rstrip("/"),
+        server=None if found["mqtt_url"] or not found["server"] else str(found["server"]).rstrip("/"),
         mqtt_url=found["mqtt_url"],
         token=found["token"],
         ca=found["ca"],

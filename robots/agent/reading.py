@@ -37,7 +37,7 @@ def sound(reading: RcaState) -> RcaState:
     )
     try:
         codec.decode("pose", codec.encode(update))
-        _battery.decode(codec.encode(reading.battery))
+        battery = _battery.decode(codec.encode(reading.battery))  # what is no number becomes unknown
     except (Rejection, msgspec.ValidationError) as error:
         raise UnsoundReadingError(str(error)) from error
     lengths = (reading.distance, reading.clearance or 0.0)
@@ -47,7 +47,7 @@ def sound(reading: RcaState) -> RcaState:
         raise UnsoundReadingError("the odometry is not a number, or out of this world")
     if not all(math.isfinite(value) and abs(value) <= FARTHEST for point in reading.path or () for value in point):
         raise UnsoundReadingError("a point of the path is not a number, or out of this world")
-    return checked
+    return replace(checked, battery=battery)
 
 
 def _scan(scan: Scan | None) -> Scan | None:

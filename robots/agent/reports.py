@@ -10,14 +10,13 @@ from typing import Any
 
 import msgspec
 
-from robots.agent.adapters.contract import NOWHERE, RcaState
+from robots.agent.adapters.contract import NOWHERE, UNKNOWN_BATTERY, RcaState
 from robots.agent.cadence import Cadence
 from robots.agent.motion import ZERO
 from robots.agent.safety import STANDSTILL, Kernel
 from robots.agent.times import Times
 from robots.api.messages import (
     AppliedCommand,
-    Battery,
     CallState,
     Event,
     LabReport,
@@ -44,7 +43,7 @@ STILL_MOVING = 0.5  # poses go on for so long after the last motion, so that the
 ERRORS_KEPT = 16
 TILT_MOTION = 1e-4
 
-UNKNOWN = RcaState(stamp=0.0, pose=NOWHERE, velocity=ZERO, battery=Battery(charge=0.0))
+UNKNOWN = RcaState(stamp=0.0, pose=NOWHERE, velocity=ZERO, battery=UNKNOWN_BATTERY)
 
 Send = Callable[[str, Message], None]
 

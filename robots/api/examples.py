@@ -71,8 +71,9 @@ EXAMPLES: dict[str, dict[str, m.Message]] = {
         ),
     },
     "state": {
-        "least": m.State(stamp=_STAMP, boot="b7f3", seq=0, pose=_POSE, velocity=_STILL, battery=m.Battery(charge=1.0)),
+        "least": m.State(stamp=_STAMP, boot="b7f3", seq=0, pose=_POSE, velocity=_STILL, battery=m.Battery()),
         "full": _STATE,
+        "charging_unknown": m.State(stamp=_STAMP, boot="b7f3", seq=1, pose=_POSE, velocity=_STILL, battery=m.Battery(charge=0.5, charging=None)),
     },
     "pose": {
         "least": m.PoseUpdate(stamp=_STAMP, pose=_POSE, velocity=_ROLLING),

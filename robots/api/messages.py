@@ -75,11 +75,14 @@ class Velocity(Message, frozen=True, kw_only=True):
 
 
 class Battery(Message, frozen=True, kw_only=True):
-    """`charge` runs from 0 to 1, `voltage` is in volts and absent when the robot does not measure it."""
+    """`charge` runs from 0 to 1, `voltage` is in volts; each is absent when the robot does not know it.
 
-    charge: Share
+    `charging` is absent when it does not charge, and `null` when the robot does not know.
+    """
+
+    charge: Share | None = None
     voltage: NotNegative | None = None
-    charging: bool = False
+    charging: bool | None = False
 
 
 class Safety(Message, frozen=True, kw_only=True):

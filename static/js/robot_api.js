@@ -44,7 +44,7 @@ const pose = object({
   score: optional(share, 1),
 });
 const velocity = object({ linear: number(-10, 10), angular: number(-20, 20) });
-const battery = object({ charge: share, voltage: absent(notNegative), charging: optional(flag, false) });
+const battery = object({ charge: absent(share), voltage: absent(notNegative), charging: optional(nullable(flag), false) });
 const SAFE = { estop: false, estopSource: null, collision: false, inhibited: null, stopSeq: null, stopId: null };
 const safety = object({
   estop: optional(flag, false),

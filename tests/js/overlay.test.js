@@ -61,6 +61,14 @@ describe("lens", () => {
 describe("track", () => {
   const said = (stamp, x, tilt = 0, theta = 0) => ({ stamp, pose: { x, y: 0, theta, localized: true }, velocity: { linear: 1, angular: 0 }, tilt });
 
+  test("knows whether anybody knows where the head looks", () => {
+    const track = new Track();
+    track.add(said(1, 0, null));
+    assert.equal(track.at(null).aimed, false);
+    track.add(said(1.1, 0, 0));
+    assert.equal(track.at(1.05).aimed, true);
+  });
+
   test("tells pose and tilt of the moment at which a picture was taken", () => {
     const track = new Track();
     track.add(said(10, 0, 0.1, 3.1));

@@ -75,6 +75,7 @@ class FakeRobotPage:
         self.photos: dict[str, bytes] = {}  # action id to JPEG: what the server has of what was photographed
         self.practice: dict[str, Any] | None = None  # where to practise, as the server says it; PRACTICE is a page for it
         self.still: bytes | None = None  # the JPEG that comes through the server
+        self.battery = m.Battery(charge=0.82)
         self.errors: tuple[str, ...] = ()
         self.refused: collections.Counter[str] = collections.Counter()  # of the whole test
         self.online = True
@@ -373,7 +374,7 @@ class FakeRobotPage:
             epoch=lease.epoch if lease else 0,
             pose=self._pose(),
             velocity=self._velocity(),
-            battery=m.Battery(charge=0.82),
+            battery=self.battery,
             docked=self.simulation.docked,
             tilt=self.simulation.tilt,
             errors=self.errors,

@@ -1,4 +1,8 @@
-"""OpenMORA's MQTTMosquitto module with the simulated robot behind it: its topics, its time-outs, its habits."""
+"""OpenMORA's MQTTMosquitto module with the simulated robot behind it: its topics, its time-outs, its habits.
+
+From MQTTMosquitto/CMQTTMosquitto.cpp and RobotControlManager/CRobotControllerApp.cpp: a journey to a point leaves the robot in
+autonomous mode when it is over, one to a node ends in manual mode; a variable that nobody has said yet is 0.00.
+"""
 
 import asyncio
 import contextlib
@@ -7,6 +11,7 @@ import time
 
 from aiomqtt import Client, MqttError
 
+from tests.support import openmora_rules
 from tests.support.mosquitto import Mosquitto
 from tests.support.patience import patient
 from tests.support.rca_world import RcaRig
@@ -48,7 +53,7 @@ class OpenMoraRig(RcaRig):
         for topic in ("NavigationCommand", "SessionCommand", "ClientACK"):
             await self._client.subscribe(f"{self.name}/{topic}")
         self._motion_at = self._ack_at = None
-        self._destination = "NULL"
+        self._destination, self._mode = "NULL", "Manual"
         self._listening = asyncio.ensure_future(self._listen())
 
     async def down(self):
@@ -83,29 +88,32 @@ class OpenMoraRig(RcaRig):
                 self._motion_at = sent
 
     def _on_motion(self, linear, angular):
+        self._mode = "Autonomous"
         self.world.drive(float(linear), float(angular))
 
     def _on_stopgiraff(self):
         self._cancel()
 
     def _on_gotopoint(self, x, y):
+        self._mode = "Autonomous"
         self.world.go_to(float(x), float(y))
 
     def _on_gotonode(self, label):
-        self._destination = label
+        self._destination, self._mode = label, "Autonomous"
         self.world.go_to(*PLACES[label])
 
     def _on_gotorecharge(self):
+        self._mode = "Autonomous"
         self.world.dock()
 
     def _on_tilt(self, degrees):
         self.world.tilt(self.world.sim.model.tilt.home + math.radians(float(degrees)))
 
-    def _on_relocalize(self, x, y):
-        pass
+    def _on_relocalize(self, *words):
+        openmora_rules.relocalize(self.world, " ".join(words))
 
     def _cancel(self):
-        self._destination = "NULL"
+        self._destination, self._mode = "NULL", "Manual"
         self.world.cancel()
         self.world.drive(0.0, 0.0)
 
@@ -136,11 +144,13 @@ class OpenMoraRig(RcaRig):
             await self._client.publish(f"{self.name}/{topic}", f"{round(time.time() * 1000) + EPOCH_MS}|{text}")
 
     def _status(self):
-        sim, world = self.world.sim, self.world
+        sim, world, here = self.world.sim, self.world, self.world.believed
+        plan_ended = world.journey != "running" and (self._destination != "NULL" or world.kind == "dock")
+        if plan_ended and self._motion_at is None:
+            self._destination, self._mode = "NULL", "Manual"
         place = next((label for label, (x, y) in PLACES.items() if math.hypot(x - sim.pose.x, y - sim.pose.y) < 0.5), "NULL")
-        mode = "Autonomous" if world.journey == "running" else "Manual"
-        pose = f"[{sim.pose.x:.4f} {sim.pose.y:.4f} {math.degrees(sim.pose.theta):.3f}]"
-        return f"{pose}|{place}|{self._destination}|{mode}|{sim.voltage():.2f}|{int(sim.docked)}|0|0|0"
+        pose = f"[{here.x:.4f} {here.y:.4f} {math.degrees(here.theta):.3f}]"
+        return f"{pose}|{place}|{self._destination}|{self._mode}|{sim.voltage():.2f}|{int(sim.docked)}|0|0|0"
 
     def _scan(self):
         laser = self.world.sim.model.laser

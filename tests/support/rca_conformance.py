@@ -12,7 +12,7 @@ from contextlib import asynccontextmanager
 
 import pytest
 
-from robots.agent.adapters import remote
+from robots.agent.adapters import openmora, remote, ros
 from robots.agent.adapters.contract import Adapter, AdapterError, RcaState
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Dock, Goto, Relocalize, Undock, Velocity
@@ -219,6 +219,32 @@ class RcaConformance(AdapterConformance):
         truth = self.rig.world.truth
         await adapter.start(Relocalize(action_id="r", stamp=0.0, x=truth.x, y=truth.y, theta=truth.theta))
         assert (await heard(adapter, ended("r")))[-1].status == "FINISHED"
+
+    async def test_told_where_it_is_it_says_so_itself_when_it_has_been_relocalized(self, adapter: Adapter) -> None:
+        if "relocalize" not in adapter.profile.capabilities:
+            return
+        await self.here(adapter)
+        for number, aside in enumerate((2.5, -2.0)):
+            place = self.rig.world.truth.compose(Pose2D(aside, 0.0, 0.0))
+            await adapter.start(Relocalize(action_id=f"r{number}", stamp=0.0, x=place.x, y=place.y, theta=place.theta))
+            assert [news.status for news in await heard(adapter, ended(f"r{number}"), 15.0)] == ["RUNNING", "FINISHED"]
+            told = (await some(adapter.states(), 1))[0].pose
+            assert math.hypot(told.x - place.x, told.y - place.y) < 0.1
+
+    async def test_a_localization_that_does_not_listen_makes_relocalizing_fail_with_the_reason(
+        self, adapter: Adapter, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        if "relocalize" not in adapter.profile.capabilities:
+            return
+        await self.here(adapter)
+        for module in (openmora, ros):
+            monkeypatch.setattr(module, "LONGEST_RELOCALIZATION", 3.0)
+        self.rig.world.deaf = True
+        place = self.rig.world.truth.compose(Pose2D(2.5, 0.0, 0.0))
+        await adapter.start(Relocalize(action_id="r", stamp=0.0, x=place.x, y=place.y, theta=place.theta))
+        last = (await heard(adapter, ended("r")))[-1]
+        assert last.status == "FAILED"
+        assert "itself there" in last.reason or "does not answer" in last.reason
 
     async def test_an_architecture_that_is_killed_while_it_drives_stops_the_robot_and_is_found_again(
         self, adapter: Adapter, monkeypatch: pytest.MonkeyPatch

@@ -24,7 +24,10 @@ BEFORE_DOCK = {"giraff": "0.8,6.3,3.14159", "rhodon": "11.26,1.0,0.0"}
 
 
 class RcaWorld:
-    """One robot, in real time. `journey` is "", "running", "done" or "failed"; whoever drives by hand ends it."""
+    """One robot, in real time. `journey` is "", "running", "done" or "failed"; whoever drives by hand ends it.
+
+    `believed` is where its localization takes it to be; `deaf` is one that does not listen when it is told.
+    """
 
     def __init__(self, series, start="corridor-centre"):
         self.series, self.start = series, start
@@ -36,10 +39,19 @@ class RcaWorld:
         self.playback = Playback(self.sim, time.monotonic(), time.time())
         self.journey, self.goal, self.kind = "", None, ""
         self.commands = []  # (monotonic time, linear, angular)
+        self._map_from_world = Pose2D(0.0, 0.0, 0.0)
+        self.deaf = False
 
     @property
     def truth(self):
         return self.sim.pose
+
+    @property
+    def believed(self):
+        return self._map_from_world.compose(self.sim.pose)
+
+    def believe(self, place):
+        self._map_from_world = place.compose(self.sim.pose.inverse())
 
     def drive(self, linear, angular):
         if self.journey == "running" and (linear or angular):

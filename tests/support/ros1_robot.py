@@ -75,7 +75,7 @@ class Ros1Rig(RcaRig):
         await self.start_robot()
 
     async def start_robot(self):
-        self._bus = RobotBus(ros1.Options(master=self.master.uri, ip="127.0.0.1"))
+        self._bus = RobotBus(ros1.Options(master=self.master.uri, ip="127.0.0.1", watchdog=0.6))
         await self._bus.open(self.lost.append, None)
         robot = self.robot
         for topic, kind in robot.TOPICS.items():

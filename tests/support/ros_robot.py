@@ -5,7 +5,6 @@ import math
 import time
 
 from robots.agent.adapters import ros_words
-from robots.api.geometry import Pose2D
 from tests.support.picture_server import jpeg_of
 
 GREY = base64.b64encode(jpeg_of(128)).decode()
@@ -54,11 +53,20 @@ class RosRobot:
             world.tilt(message["data"])
         elif topic == "/initialpose":
             self.located.append(ros_words.fix_in(message))
-            self._fixed = 0.0
+            self.relocalize(message)
         elif topic == "/move_base/goal":
             self.go(message["goal"]["target_pose"], message["goal_id"]["id"])
         elif topic == "/move_base/cancel" and message["id"] in {"", self.goal}:
             self.world.cancel()
+
+    def relocalize(self, message):
+        """As amcl: a pose in another frame is ignored (amcl_node.cpp, handleInitialPoseMessage; nav2_amcl, initialPoseReceived).
+
+        What it believes is published once, with the next scan, and again when the robot has moved.
+        """
+        if message["header"]["frame_id"] == "map" and not self.world.deaf:
+            self.world.believe(ros_words.pose_in(message["pose"]["pose"]))
+            self._fixed = 0.0
 
     def go(self, stamped, goal):
         assert stamped["header"]["frame_id"] == "map"
@@ -81,7 +89,7 @@ class RosRobot:
             said.append(("/camera/compressed", {"header": self.header("camera"), "format": "jpeg", "data": GREY}))
         if self.world.sim.distance - self._fixed > 0.2 or self._fixed == 0.0:  # as amcl: only while it moves
             self._fixed = max(self.world.sim.distance, 1e-6)
-            said.append(("/amcl_pose", self.fix(sim)))
+            said.append(("/amcl_pose", self.fix()))
         return said
 
     def restarted(self):
@@ -97,11 +105,11 @@ class RosRobot:
             "twist": {"twist": twist, "covariance": [0.0] * 36},
         }
 
-    def fix(self, sim):
+    def fix(self):
         covariance = [0.0] * 36
         covariance[0] = covariance[7] = 0.0025
         covariance[35] = 0.001
-        return {"header": self.header("map"), "pose": {"pose": ros_words.pose(Pose2D(*sim.pose)), "covariance": covariance}}
+        return {"header": self.header("map"), "pose": {"pose": ros_words.pose(self.world.believed), "covariance": covariance}}
 
     def scan(self, sim):
         laser = sim.model.laser

@@ -31,6 +31,7 @@ from robots.api.messages import (
     Velocity,
 )
 
+UNKNOWN_BATTERY = Battery(charging=None)  # that of a robot that has not said, or cannot say
 NOWHERE = Pose(x=0.0, y=0.0, theta=0.0, localized=False, score=0.0)  # the pose of a robot that has no localization
 
 
@@ -72,7 +73,8 @@ class RcaState:
     `clearance` is the distance in metres from the footprint to the nearest thing, None when unknown. `contacts` counts the
     collisions that began since connect(), `distance` the metres driven since then. `estop` is true while the robot's own
     emergency button is pressed. `path` is what the robot follows by itself, in map metres, () when that is nothing, None when unknown.
-    `assist_why` and `assist_point` say what the assistance minds, as in `messages.State`.
+    `assist_why` and `assist_point` say what the assistance minds, as in `messages.State`. `battery` and `tilt` have None for what the
+    robot does not know: never a guess.
     """
 
     stamp: float

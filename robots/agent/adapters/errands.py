@@ -1,7 +1,8 @@
 """What was ordered of an RCA and has not ended: which errand, until when, and what becomes of it. Pure: `now` is given.
 
-An errand that moves the base and one that moves the head may run at once; of each kind the newer replaces the older. Some RCAs say
-when they are done, others only do it: arriving in the dock, leaving it, and the head's angle are seen in the readings.
+An errand that moves the base, one that moves the head and one that tells the robot where it is may run at once; of each the newer
+replaces the older. Some RCAs say when they are done, others only do it: arriving in the dock, leaving it, the head's angle and the
+pose are seen in the readings. That an order was sent never means that it was obeyed.
 """
 
 import math
@@ -9,19 +10,44 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from robots.agent.adapters.contract import ActionProgress
-from robots.api.messages import ActionState
+from robots.agent.adapters.contract import NOWHERE, ActionProgress
+from robots.api.geometry import wrap_angle
+from robots.api.messages import ActionState, Pose
 
 LONGEST_TILT = 15.0  # seconds
 LONGEST_DOCKING = 300.0
+LONGEST_RELOCALIZATION = 10.0
 TILT_REACHED = 0.02  # radians
 
-Kind = Literal["goto", "dock", "undock", "tilt"]
+Kind = Literal["goto", "dock", "undock", "tilt", "relocalize"]
+
+
+@dataclass(frozen=True)
+class Area:
+    """Where a robot that was told so should find itself: a square in map metres, and a heading in radians unless that was not told.
+
+    `settles` is how many seconds after the order a pose counts: an RCA that says its pose all the time says the old one first.
+    """
+
+    x: float
+    y: float
+    half_width: float
+    theta: float | None = None
+    half_turn: float = math.pi
+    settles: float = 0.0
+
+    def holds(self, pose: Pose) -> bool:
+        """Return whether a pose is in here."""
+        near = max(abs(pose.x - self.x), abs(pose.y - self.y)) <= self.half_width
+        return near and (self.theta is None or abs(wrap_angle(pose.theta - self.theta)) <= self.half_turn)
 
 
 @dataclass
 class Errand:
-    """`goal` is a point in map metres for goto, the angle twice for tilt; `began` and `deadline` are monotonic seconds."""
+    """`goal` is a point in map metres for goto, the angle twice for tilt; `began`, `deadline` and `over_at` are monotonic seconds.
+
+    `place` is the goal by name, `area` where a relocalized robot should find itself, `over_at` when the RCA said that it is done.
+    """
 
     action_id: str
     kind: Kind
@@ -29,6 +55,9 @@ class Errand:
     goal: tuple[float, float] | None = None
     deadline: float = math.inf
     seen_running: bool = False
+    place: str = ""
+    area: Area | None = None
+    over_at: float = math.inf
 
 
 class Errands:
@@ -37,6 +66,7 @@ class Errands:
     def __init__(self, tell: Callable[[ActionProgress], None]) -> None:
         self.drive: Errand | None = None
         self.head: Errand | None = None
+        self.whereabouts: Errand | None = None
         self._tell = tell
 
     def begin(self, errand: Errand) -> None:
@@ -44,6 +74,9 @@ class Errands:
         if errand.kind == "tilt":
             self._end(self.head, "CANCELLED", "replaced")
             self.head = errand
+        elif errand.kind == "relocalize":
+            self._end(self.whereabouts, "CANCELLED", "replaced")
+            self.whereabouts = errand
         else:
             self._end(self.drive, "CANCELLED", "replaced")
             self.drive = errand
@@ -51,7 +84,7 @@ class Errands:
 
     def of(self, action_id: str) -> Errand | None:
         """Return a running errand by its action."""
-        return next((each for each in (self.drive, self.head) if each is not None and each.action_id == action_id), None)
+        return next((each for each in (self.drive, self.head, self.whereabouts) if each is not None and each.action_id == action_id), None)
 
     def end(self, action_id: str, status: ActionState, reason: str = "") -> None:
         """Say what became of an errand; nothing when it has ended before."""
@@ -64,30 +97,67 @@ class Errands:
 
     def end_all(self, reason: str) -> None:
         """The RCA is gone, and what it was doing with it."""
-        self._end(self.drive, "FAILED", reason)
-        self._end(self.head, "FAILED", reason)
+        for errand in (self.drive, self.head, self.whereabouts):
+            self._end(errand, "FAILED", reason)
 
-    def watch(self, now: float, *, docked: bool, tilt: float | None) -> None:
-        """Look whether something was reached, or takes too long."""
-        drive, head = self.drive, self.head
-        if drive is not None:
-            if (drive.kind == "dock" and docked) or (drive.kind == "undock" and not docked):
-                self._end(drive, "FINISHED", "")
-            elif now > drive.deadline:
-                self._end(drive, "FAILED", "it takes too long")
-        if head is not None and head.goal is not None:
-            if tilt is not None and abs(tilt - head.goal[0]) < TILT_REACHED:
-                self._end(head, "FINISHED", "")
-            elif now > head.deadline:
-                self._end(head, "FAILED", "the head does not get there")
+    def watch(self, now: float, *, docked: bool, tilt: float | None, pose: Pose = NOWHERE, fixed_at: float = -math.inf) -> Errand | None:
+        """Look whether something was reached, or takes too long; return what moves the base and took too long, to be taken back.
+
+        Args:
+            now: monotonic seconds.
+            docked: whether the robot is in its dock.
+            tilt: the head's angle in radians, None when unknown.
+            pose: where the robot says that it is.
+            fixed_at: when its localization said so last, monotonic seconds.
+        """
+        self._watch_head(now, tilt)
+        self._watch_whereabouts(now, pose, fixed_at)
+        drive = self.drive
+        if drive is None:
+            return None
+        if (drive.kind == "dock" and docked) or (drive.kind == "undock" and not docked):
+            self._end(drive, "FINISHED", "")
+        elif now > drive.deadline:
+            self._end(drive, "FAILED", "it takes too long")
+            return drive
+        return None
+
+    def _watch_head(self, now: float, tilt: float | None) -> None:
+        head = self.head
+        if head is None or head.goal is None:
+            return
+        if tilt is not None and abs(tilt - head.goal[0]) < TILT_REACHED:
+            self._end(head, "FINISHED", "")
+        elif now > head.deadline:
+            self._end(head, "FAILED", "the head does not get there")
+
+    def _watch_whereabouts(self, now: float, pose: Pose, fixed_at: float) -> None:
+        errand = self.whereabouts
+        if errand is None or errand.area is None:
+            return
+        is_news = fixed_at > errand.began + errand.area.settles
+        if is_news and pose.localized and errand.area.holds(pose):
+            self._end(errand, "FINISHED", "")
+        elif now > errand.deadline:
+            self._end(errand, "FAILED", _astray(pose, is_news=is_news))
 
     def _end(self, errand: Errand | None, status: ActionState, reason: str) -> None:
         if errand is None:
             return
         if errand is self.head:
             self.head = None
+        elif errand is self.whereabouts:
+            self.whereabouts = None
         elif errand is self.drive:
             self.drive = None
         else:
             return
         self._tell(ActionProgress(errand.action_id, status, reason))
+
+
+def _astray(pose: Pose, *, is_news: bool) -> str:
+    if not is_news:
+        return "the robot's localization does not answer"
+    if not pose.localized:
+        return "the robot still does not know where it is"
+    return f"the robot does not find itself there: it says that it is at {pose.x:.1f}, {pose.y:.1f}"

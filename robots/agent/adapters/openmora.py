@@ -7,12 +7,14 @@ degrees there; the head's are counted from its home, which in our words is the p
 import math
 from dataclasses import dataclass
 
+from robots.agent.adapters.errands import LONGEST_RELOCALIZATION, Area, Errand
 from robots.agent.adapters.robot_profile import RobotProfile
 from robots.api.geometry import wrap_angle
 from robots.api.messages import Pose, Scan, Velocity
 
 EPOCH = 11_644_473_600.0  # seconds from 1601-01-01 to 1970-01-01: MRPT counts from there
 MOST_RANGES = 2000
+FILTERING = 1.0  # seconds in which the particle filter has taken note of an area: it thinks once for ten scans while the robot stands
 LONGEST_STAMP = 20  # digits
 UNKNOWN = "NULL"
 
@@ -28,14 +30,14 @@ def listed_nodes(text: str) -> frozenset[str]:
 
 @dataclass(frozen=True)
 class Status:
-    """`Status`, ten times a second. `pose` and `voltage` are None, and names empty, when the robot does not know."""
+    """`Status`, ten times a second. `pose`, `voltage` and `charging` are None, and names empty, when the robot does not know."""
 
     pose: Pose | None
     place: str
     destination: str
     autonomous: bool
     voltage: float | None
-    charging: bool
+    charging: bool | None
 
 
 def stamped(text: str, unix: float) -> str:
@@ -70,6 +72,21 @@ def point(x: float, y: float) -> str:
     return f"[{x:.3f} {y:.3f}]"
 
 
+def area(x: float, y: float, half_width: float, particles: int) -> str:
+    """Return `[xmin xmax ymin ymax particles]`, metres: what OpenMORA's particle filter takes as RELOCALIZE_IN_AREA.
+
+    It ignores whatever is no matrix of at least five columns without a word (Localization2D_PF/CPFLocalizationApp.cpp,
+    ProcessParticleFilter). Of the box it takes the middle, and spreads its particles as wide around it as its own X_MIN … Y_MAX say.
+    """
+    return f"[{x - half_width:.3f} {x + half_width:.3f} {y - half_width:.3f} {y + half_width:.3f} {particles}]"
+
+
+def search(action_id: str, x: float, y: float, half_width: float, now: float) -> Errand:
+    """Return what to wait for after a robot was told its `area`: that it says to be in it. A heading cannot be told."""
+    place = Area(x, y, half_width, settles=FILTERING)
+    return Errand(action_id, "relocalize", now, deadline=now + LONGEST_RELOCALIZATION, area=place)
+
+
 def pose_of(text: str) -> Pose | None:
     """Read `[x y phi]`, brackets and a suffix `deg` or not; None for what is unknown.
 
@@ -99,10 +116,10 @@ def status_of(text: str) -> Status:
         raise DialectError(f"a status of {len(fields)} fields")
     pose, place, destination, mode, volts, charging = fields[:6]
     try:
-        voltage = None if volts in {"", UNKNOWN} else float(volts)
+        voltage = None if volts in {"", UNKNOWN} else float(volts) or None  # 0.00 is a variable that nobody has said yet
     except ValueError as error:
         raise DialectError(f"no voltage: {volts[:20]!r}") from error
-    return Status(pose_of(pose), _name(place), _name(destination), mode == "Autonomous", voltage, charging.strip() == "1")
+    return Status(pose_of(pose), _name(place), _name(destination), mode == "Autonomous", voltage, _truth(charging))
 
 
 def scan_of(text: str, stamp: float, farthest: float) -> Scan:
@@ -147,6 +164,10 @@ def tilt_of(degrees: float, robot: RobotProfile, sign: float) -> float:
 
 def _name(text: str) -> str:
     return "" if text.strip() == UNKNOWN else text.strip()
+
+
+def _truth(text: str) -> bool | None:
+    return {"1": True, "0": False}.get(text.strip())
 
 
 def _is_number(word: str) -> bool:

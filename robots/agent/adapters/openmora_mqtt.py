@@ -3,11 +3,15 @@
 Its topics are `<robot>/…`, QoS 0, not retained. It stops half a second after the last `Motion` and two seconds after the last
 `ClientACK`; it obeys a `Motion` however late it comes, so one that waited here too long is not sent at all (outgoing.py).
 
-The angle of the head is told and never reported: it is taken to turn as fast as the profile says.
+The angle of the head is told and never reported: unknown before we told it, then taken to turn as fast as the profile says.
+
+The robot ends a journey to a place by name in manual mode. One to a point leaves it autonomous, arrived or not (only PLAN_FINISHED,
+CANCEL_NAVIGATION and PARKING set manual mode in RobotControlManager/CRobotControllerApp.cpp): it has ended where the robot stays.
 """
 
 import asyncio
 import contextlib
+import math
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -32,16 +36,18 @@ KEEPALIVE = 5
 ACK_PERIOD = 0.2
 MOTION_MEMORY = 0.6  # seconds after a Motion in which the robot would cancel any new journey with it
 ARRIVED = 0.6  # metres from its goal at which a robot that ended its journey has reached it
-THERE_ALREADY = 1.5  # seconds after which a robot that does not set out towards where it stands is taken to be there
 SETTING_OUT = 5.0
+STAYS = 0.1  # metres that the pose of a robot which stands may wander
+STAYED = 1.5  # seconds after which a robot that does not leave its place has ended its journey, if it is where it should be
+GIVEN_UP = 20.0  # seconds after which one that is not has given up
 ERROR_SHOWN = 10.0
 
 
-class Options(Struct, frozen=True):
+class Options(Struct, frozen=True, kw_only=True):
     """`broker` is the robot's own broker, `robot` the first part of its topics.
 
     `user` is who its session logger says drives (empty: nobody); `range_max` in metres, `tilt_sign` -1 where the head counts upwards;
-    `nodes` are the places that it knows by name, besides those that its topology tells, by comma.
+    `nodes` are the places that it knows by name, besides those that its topology tells, by comma; `relocalize_…` as in moos.Options.
     """
 
     broker: str = "mqtt://127.0.0.1:1883"
@@ -49,10 +55,12 @@ class Options(Struct, frozen=True):
     username: str = ""
     password: str = ""
     user: str = "telepresence"
-    watchdog: float = 0.5
+    watchdog: float
     range_max: float = 30.0
     tilt_sign: float = 1.0
     nodes: str = ""
+    relocalize_half_width: float = 1.0
+    relocalize_particles: int = 20000
 
 
 def create(profile_name: str, options: Mapping[str, Any]) -> "OpenMoraMqttAdapter":
@@ -82,7 +90,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
         self._outgoing: Outgoing[tuple[str, str]] = Outgoing()
         self._moved_at = self._error_at = 0.0
         self._nodes = openmora.listed_nodes(options.nodes)
-        self._node = ""  # where the robot goes to by name
+        self._stood_at, self._stood_since = (math.inf, math.inf), 0.0
         self._counts = {"ClientACK": "0 0", "RobotACK": "0 0"}
         self._head = _Head(robot)
 
@@ -177,7 +185,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
     def _take_status(self, status: openmora.Status, stamp: float) -> None:
         now = time.monotonic()
         if status.pose is None:
-            self.readings.lost()
+            self.readings.lost(now)
             self.readings.heard_at = now  # it lives, and does not know where it is
         else:
             self.readings.located(status.pose, stamp, now)
@@ -186,24 +194,40 @@ class OpenMoraMqttAdapter(RemoteAdapter):
         self._heard()
 
     def _watch_journey(self, status: openmora.Status, now: float) -> None:
-        """Tell from the mode when a journey ends, and from the place whether it ended where it should."""
+        """Tell from mode and place when a journey ends, and whether it ended where it should."""
         errand = self.errands.drive
         if errand is None or errand.kind != "goto":
             return
-        if status.autonomous:
-            errand.seen_running = True
-        elif self._is_there(errand, status) and (errand.seen_running or now - errand.began > THERE_ALREADY):
-            self.errands.end(errand.action_id, "FINISHED")
-        elif errand.seen_running:
+        stays = now - max(self._stays_since(status, now), errand.began)
+        errand.seen_running |= status.autonomous
+        if self._is_there(errand, status):
+            if stays > STAYED and (errand.goal is not None or not status.autonomous):
+                self._finish(errand, status)
+        elif errand.seen_running and not status.autonomous:
             self.errands.end(errand.action_id, "FAILED", "the robot stopped before it was there")
-        elif now - errand.began > SETTING_OUT:
+        elif not errand.seen_running and now - errand.began > SETTING_OUT:
             self.errands.end(errand.action_id, "FAILED", "the robot does not set out")
+        elif stays > GIVEN_UP:
+            self._command("StopGiraff")
+            self.errands.end(errand.action_id, "FAILED", "the robot does not get there")
+
+    def _finish(self, errand: Errand, status: openmora.Status) -> None:
+        if status.autonomous:
+            self._command("StopGiraff")  # or it would set out again when somebody stands in its place
+        self.errands.end(errand.action_id, "FINISHED")
+
+    def _stays_since(self, status: openmora.Status, now: float) -> float:
+        """Return since when the robot has not left its place, monotonic seconds."""
+        pose = status.pose
+        if pose is not None and math.hypot(pose.x - self._stood_at[0], pose.y - self._stood_at[1]) > STAYS:
+            self._stood_at, self._stood_since = (pose.x, pose.y), now
+        return self._stood_since
 
     def _is_there(self, errand: Errand, status: openmora.Status) -> bool:
         if errand.goal is None:
-            return status.place == self._node
+            return status.place == errand.place
         x, y = errand.goal
-        return status.pose is not None and (status.pose.x - x) ** 2 + (status.pose.y - y) ** 2 < ARRIVED**2
+        return status.pose is not None and math.hypot(status.pose.x - x, status.pose.y - y) < ARRIVED
 
     def _look(self, now: float) -> None:
         if self.readings.errors and now - self._error_at > ERROR_SHOWN:
@@ -220,24 +244,26 @@ class OpenMoraMqttAdapter(RemoteAdapter):
         self._command(f"Tilt {openmora.head_degrees(angle, self._robot, self._options.tilt_sign):.1f}")
         self._head.turn_to(angle, time.monotonic())
 
-    async def _order(self, action: Action) -> Errand | None:
+    async def _order(self, action: Action) -> Errand:
         words = self._words(action)
         # A Motion of just now is cancelled by the robot after half a second, and any journey with it.
         await asyncio.sleep(max(0.0, self._moved_at + MOTION_MEMORY - time.monotonic()))
         self._command(words)
-        return None if isinstance(action, Relocalize) else self._errand(action)
+        if isinstance(action, Relocalize) and action.x is not None and action.y is not None:
+            return openmora.search(action.action_id, action.x, action.y, self._options.relocalize_half_width, time.monotonic())
+        return self._errand(action)
 
     def _words(self, action: Action) -> str:
         match action:
             case Goto(x=x, y=y) if x is not None and y is not None:
                 return f"GoToPoint {x:.3f} {y:.3f}"
             case Goto(place=str(place)) if place in self._nodes:
-                self._node = place
                 return f"GoToNode {place}"
             case Dock():
                 return "GoToRecharge"
             case Relocalize(x=x, y=y) if x is not None and y is not None:
-                return f"Relocalize {x:.3f} {y:.3f}"
+                # Handed on to RELOCALIZE_IN_AREA letter by letter (MQTTMosquitto/CMQTTMosquitto.cpp, on_message).
+                return f"Relocalize {openmora.area(x, y, self._options.relocalize_half_width, self._options.relocalize_particles)}"
             case Goto(place=place):
                 raise AdapterError(f"{self._options.robot} knows no place {place!r}; it knows {', '.join(sorted(self._nodes)) or 'none by name'}")
             case _:
@@ -249,18 +275,23 @@ class OpenMoraMqttAdapter(RemoteAdapter):
 
 
 class _Head:
-    """Where the head should be by now."""
+    """Where the head should be by now; nobody knows before it was told."""
 
     def __init__(self, robot: RobotProfile) -> None:
         self._speed = robot.tilt.speed if robot.tilt else 1.0
-        self._from = self._to = robot.tilt.home if robot.tilt else 0.0
+        self._reach = robot.tilt.maximum - robot.tilt.minimum if robot.tilt else 0.0
+        self._from: float | None = None
+        self._to: float | None = None
         self._since = 0.0
-        self._has_one = robot.tilt is not None
 
     def turn_to(self, angle: float, now: float) -> None:
-        self._from, self._to, self._since = self.angle(now) or 0.0, angle, now
+        self._from, self._to, self._since = self.angle(now), angle, now
 
     def angle(self, now: float) -> float | None:
-        reach = self._speed * (now - self._since)
-        turned = min(max(self._to - self._from, -reach), reach)
-        return self._from + turned if self._has_one else None
+        """Return the angle that it has by now in radians, None while it turns from one that nobody knows, or before it was told."""
+        if self._to is None:
+            return None
+        turned = self._speed * (now - self._since)
+        if self._from is None:
+            return self._to if turned >= self._reach else None
+        return self._from + min(max(self._to - self._from, -turned), turned)

@@ -10,7 +10,7 @@ from collections import deque
 
 import msgspec
 
-from robots.agent.adapters.contract import NOWHERE, RcaState
+from robots.agent.adapters.contract import NOWHERE, UNKNOWN_BATTERY, RcaState
 from robots.agent.adapters.robot_profile import BatteryRange
 from robots.agent.motion import ZERO
 from robots.api.geometry import Pose2D, wrap_angle
@@ -21,7 +21,6 @@ WINDOW = 0.3  # seconds over which poses become a velocity
 FASTEST, FASTEST_TURN = 3.0, 6.0  # m/s and rad/s: what is faster is a new fix, not a motion
 CLOCK_SKEW = 0.5  # seconds by which a stamp may differ from its arrival and still be believed
 TICK = 1e-4  # seconds: stamps grow, whatever clocks do
-FULL = Battery(charge=1.0)
 
 
 def stamp_of(said: float, arrived: float) -> float:
@@ -30,10 +29,13 @@ def stamp_of(said: float, arrived: float) -> float:
 
 
 class Readings:
-    """The newest of everything. `heard_at` is the moment (monotonic) at which the RCA last said where or how fast the robot is."""
+    """The newest of everything.
+
+    `heard_at` is the moment (monotonic) at which the RCA last said where or how fast the robot is, `fixed_at` that of its localization.
+    """
 
     def __init__(self, battery: BatteryRange | None = None) -> None:
-        self.heard_at = -math.inf
+        self.heard_at = self.fixed_at = -math.inf
         self.fresh = False
         self.docked = False
         self.estop = False
@@ -41,7 +43,7 @@ class Readings:
         self.errors: tuple[str, ...] = ()
         self.odometry: Pose2D | None = None
         self._range = battery
-        self._battery = FULL
+        self._battery = UNKNOWN_BATTERY
         self._velocity: Velocity | None = None
         self._track: deque[tuple[float, Pose2D]] = deque(maxlen=REMEMBERED)
         self._fix = NOWHERE
@@ -60,7 +62,7 @@ class Readings:
 
     def located(self, pose: Pose, stamp: float, now: float) -> None:
         """Take the RCA's own pose in the map; without odometry it says how the robot moves too."""
-        self._fix = pose
+        self._fix, self.fixed_at = pose, now
         here = Pose2D(pose.x, pose.y, pose.theta)
         if self.odometry is None:
             self._advance(here, stamp)
@@ -69,25 +71,26 @@ class Readings:
             then = min(self._track, key=lambda entry: abs(entry[0] - stamp))[1]
             self._map_from_odometry = here.compose(then.inverse())
 
-    def corrected(self, map_from_odometry: Pose2D, score: float = 1.0) -> None:
+    def corrected(self, map_from_odometry: Pose2D, now: float, score: float = 1.0) -> None:
         """Take how the frame of the odometry lies in the map, as a localization on tf says it."""
-        self._map_from_odometry = map_from_odometry
+        self._map_from_odometry, self.fixed_at = map_from_odometry, now
         self._fix = msgspec.structs.replace(NOWHERE, localized=True, score=score)
 
-    def lost(self) -> None:
+    def lost(self, now: float) -> None:
         """Take that the RCA does not know where it is."""
-        self._fix, self._map_from_odometry = NOWHERE, None
+        self._fix, self._map_from_odometry, self.fixed_at = NOWHERE, None, now
 
     def scanned(self, scan: Scan) -> None:
         """Take a sweep of the laser."""
         self._scan = scan
 
-    def charged(self, *, voltage: float | None = None, charge: float | None = None, charging: bool = False) -> None:
-        """Take the battery, which is charged in the dock and nowhere else; a charge that is not said is guessed from the volts."""
+    def charged(self, *, voltage: float | None = None, charge: float | None = None, charging: bool | None = None) -> None:
+        """Take the battery, which is charged in the dock and nowhere else; a charge that is not said follows from the volts, if it can."""
         if charge is None and voltage is not None and self._range is not None:
             charge = self._range.charge(voltage)
-        self._battery = Battery(charge=self._battery.charge if charge is None else min(1.0, max(0.0, charge)), voltage=voltage, charging=charging)
-        self.docked = charging
+        known = None if charge is None or not math.isfinite(charge) else min(1.0, max(0.0, charge))
+        self._battery = Battery(charge=known, voltage=voltage, charging=charging)
+        self.docked = charging is True
 
     def bumped(self, *, touching: bool) -> None:
         """Take the bumpers: a contact begins when one is pressed."""

@@ -9,10 +9,11 @@ from typing import Any, cast
 
 from robots.agent.adapters.autonomy import wrapped
 from robots.agent.adapters.contract import Adapter, AdapterError
+from robots.agent.adapters.robot_profile import ADAPTERS, check_times
 from robots.agent.autonomy.area import update_of
 from robots.agent.world.sites import SiteError, load_site
 
-MODULES = {name: f"robots.agent.adapters.{name}" for name in ("simulator", "openmora_mqtt", "rosbridge", "moos", "ros1", "ros2")}
+MODULES = {name: f"robots.agent.adapters.{name}" for name in ("simulator", *ADAPTERS)}
 
 
 def adapter_names() -> tuple[str, ...]:
@@ -40,6 +41,10 @@ def create(adapter_name: str, profile_name: str, options: Mapping[str, Any] | No
     adapter = cast("Adapter", module.create(profile_name, options or {}))
     if not adapter.profile.watchdog > 0.0:
         raise AdapterError(f"the adapter {adapter_name!r} names no watchdog: nothing would stop the base of a dead agent")
+    try:
+        check_times(adapter.profile.watchdog, adapter.profile.limits)
+    except ValueError as error:
+        raise AdapterError(f"the robot {profile_name!r} cannot be driven safely: {error}") from error
     return adapter
 
 

@@ -81,8 +81,8 @@ class RemoteAdapter(ABC):
             AdapterError: the RCA does not take it.
         """
 
-    async def _order(self, action: Action) -> Errand | None:
-        """Tell the RCA to do something; return what to wait for, None when it is done already.
+    async def _order(self, action: Action) -> Errand:
+        """Tell the RCA to do something; return what to wait for, because to have told it is not to have done it.
 
         Raises:
             AdapterError: not possible.
@@ -128,8 +128,8 @@ class RemoteAdapter(ABC):
         match action:
             case Goto(x=x, y=y) if x is not None and y is not None:
                 return Errand(action.action_id, "goto", now, (x, y))
-            case Goto():
-                return Errand(action.action_id, "goto", now)
+            case Goto(place=place):
+                return Errand(action.action_id, "goto", now, place=place or "")
             case Dock():
                 return Errand(action.action_id, "dock", now, deadline=now + LONGEST_DOCKING)
             case _:
@@ -199,12 +199,7 @@ class RemoteAdapter(ABC):
         name = str(type(action).__struct_config__.tag)
         if name not in self.profile.capabilities or not isinstance(action, Goto | Dock | Undock | Relocalize):
             raise AdapterError(f"{self.profile.series} cannot do {name}")
-        errand = await self._order(action)
-        if errand is not None:
-            self.errands.begin(errand)
-            return
-        self._tell(ActionProgress(action.action_id, "RUNNING"))
-        self._tell(ActionProgress(action.action_id, "FINISHED"))
+        self.errands.begin(await self._order(action))
 
     def _tilt(self, action: Tilt) -> None:
         reach = self.profile.tilt
@@ -221,10 +216,10 @@ class RemoteAdapter(ABC):
         errand = self.errands.of(action_id)
         if errand is None:
             return
-        if errand.kind != "tilt":
-            await self._withdraw(errand)
-        elif self.readings.tilt is not None:
+        if errand.kind == "tilt" and self.readings.tilt is not None:
             self._turn_head(self.readings.tilt)
+        elif errand.kind not in {"tilt", "relocalize"}:
+            await self._withdraw(errand)
         self.errands.end(action_id, "CANCELLED", "cancelled")
 
     async def states(self) -> AsyncIterator[RcaState]:
@@ -253,7 +248,11 @@ class RemoteAdapter(ABC):
         while True:
             now = time.monotonic()
             self._look(now)
-            self.errands.watch(now, docked=self.readings.docked, tilt=self.readings.tilt)
+            readings = self.readings
+            late = self.errands.watch(now, docked=readings.docked, tilt=readings.tilt, pose=readings.pose, fixed_at=readings.fixed_at)
+            if late is not None:
+                with contextlib.suppress(AdapterError):
+                    await self._withdraw(late)  # what was told to have failed must not go on
             await asyncio.sleep(GLANCE)
 
     async def progress(self) -> AsyncIterator[ActionProgress]:

@@ -4,10 +4,15 @@ series = "giraff"                      how the site calls this kind of robot
 footprint = [[0.3, -0.2], …]           convex, metres in the robot's frame
 [limits]  [tilt]  [laser]  [camera]  [battery]   as in the factsheet; SI units and radians
 [moos]  [ros1]  …                      what one adapter must know about this robot; options of the command line overrule it
+
+Each adapter's table states its `watchdog`, the seconds after which the base stops by itself when velocities no longer come: no adapter has
+a default, and no option overrules it, for it is a property of the base. A section or key that nobody reads is an error, case and all:
+what is written there was meant to count.
 """
 
+import difflib
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,12 +23,14 @@ from robots.agent.adapters.contract import AdapterError
 from robots.api.messages import Camera, Laser, Limits, Name, Point, TiltRange
 
 SHIPPED = Path(__file__).with_name("profiles")
-SHARED = frozenset({"series", "footprint", "limits", "tilt", "laser", "camera", "battery"})
+ADAPTERS = ("moos", "openmora_mqtt", "ros1", "ros2", "rosbridge")  # the shipped ones of real robots, whose tables any profile may have
+LONGEST_WATCHDOG = 2.0  # seconds
+LONGEST_DEADMAN = 1.0
 SAID = {"yes": True, "on": True, "no": False, "off": False}  # besides true, false, 1, 0
 Settings = TypeVar("Settings", bound=Struct)
 
 
-class BatteryRange(Struct, frozen=True, forbid_unknown_fields=True):
+class BatteryRange(Struct, frozen=True):
     """Volts of an empty and of a full battery; between them the charge is taken as linear."""
 
     empty: float
@@ -47,6 +54,35 @@ class RobotProfile(Struct, frozen=True):
     adapters: dict[str, dict[str, Any]] = {}
 
 
+SECTIONS: dict[str, type[Struct]] = {"limits": Limits, "tilt": TiltRange, "laser": Laser, "camera": Camera, "battery": BatteryRange}
+SHARED = frozenset({"series", "footprint", *SECTIONS})
+
+
+def check_times(watchdog: float, limits: Limits) -> None:
+    """See to it that a robot which nobody steers any more stops soon, by one of two: the agent's deadman, then the base's watchdog.
+
+    Args:
+        watchdog: seconds after which the base stops by itself.
+        limits: with the deadman, the seconds of silence after which the agent brakes.
+
+    Raises:
+        ValueError: one of them is too long, or the watchdog would strike first; one sentence.
+    """
+    deadman = limits.deadman
+    if not deadman <= LONGEST_DEADMAN:
+        raise ValueError(f"a deadman of {deadman:g} s is too long: the agent brakes at most {LONGEST_DEADMAN:g} s after the last command")
+    if not watchdog <= LONGEST_WATCHDOG:
+        raise ValueError(f"a watchdog of {watchdog:g} s is too long: the base has to stop at most {LONGEST_WATCHDOG:g} s after the last velocity")
+    if not watchdog >= deadman:
+        raise ValueError(f"a watchdog of {watchdog:g} s is shorter than the deadman of {deadman:g} s: the base would stop between two commands")
+
+
+def nearest(word: str, known: Collection[str]) -> str:
+    """Return what to say after a name that nobody knows: the one that was meant, or all of them."""
+    close = difflib.get_close_matches(word.lower(), known, 1)
+    return f"did you mean {close[0]}?" if close else f"there are {', '.join(sorted(known))}"
+
+
 def load_profile(name: str) -> RobotProfile:
     """Return a robot by its shipped name or by the path of its file.
 
@@ -67,20 +103,49 @@ def load_profile(name: str) -> RobotProfile:
 def settings_of(kind: type[Settings], adapter: str, profile: RobotProfile, options: Mapping[str, Any]) -> Settings:
     """Return an adapter's settings: its defaults, overruled by the profile's table, overruled by the options of this run.
 
+    A `watchdog` among them is the profile's own.
+
     Raises:
-        AdapterError: an option that the adapter does not have, or one that is not what it should be; one sentence.
+        AdapterError: a section or an option that nobody knows, one that is not what it should be, or no watchdog; one sentence.
     """
-    known = kind.__struct_fields__
-    given = {**profile.adapters.get(adapter, {}), **{name.replace("-", "_"): value for name, value in options.items()}}
-    unknown = sorted(set(given) - set(known))
-    if unknown:
-        raise AdapterError(f"the adapter {adapter!r} has no option {', '.join(unknown)}; it has {', '.join(known)}")
-    switches = {field.name for field in msgspec.structs.fields(kind) if field.type is bool}
-    given = {name: SAID.get(str(value).lower(), value) if name in switches else value for name, value in given.items()}
+    given = {name.replace("-", "_"): value for name, value in options.items()}
+    stated = profile.adapters.get(adapter, {})
     try:
-        return msgspec.convert(given, kind, strict=False)
+        _check_names(kind, adapter, profile, [*stated, *given])
+        if "watchdog" in kind.__struct_fields__:
+            _check_watchdog(adapter, profile, given)
+        return msgspec.convert(_switched(kind, {**stated, **given}), kind, strict=False)
     except msgspec.ValidationError as error:
         raise AdapterError(f"an option of the adapter {adapter!r} is not what it should be: {error}") from error
+    except ValueError as error:
+        raise AdapterError(str(error)) from error
+
+
+def _check_names(kind: type[Struct], adapter: str, profile: RobotProfile, given: Collection[str]) -> None:
+    sections = {*ADAPTERS, adapter}
+    for name in profile.adapters:
+        if name not in sections:
+            raise ValueError(f"the profile of {profile.series} has a section [{name}] that nobody reads; {nearest(name, sections | SECTIONS.keys())}")
+    for name in given:
+        if name not in kind.__struct_fields__:
+            raise ValueError(f"the adapter {adapter!r} has no option {name}; {nearest(name, kind.__struct_fields__)}")
+
+
+def _check_watchdog(adapter: str, profile: RobotProfile, options: Mapping[str, Any]) -> None:
+    if "watchdog" in options:
+        raise ValueError(f"a watchdog is a property of the base: state it in the profile, in the section [{adapter}]")
+    stated = profile.adapters.get(adapter, {})
+    if "watchdog" not in stated:
+        raise ValueError(
+            f"the profile of {profile.series} states no watchdog for {adapter}: write into its section [{adapter}] how many seconds the base goes on "
+            "after the last velocity; `run_robot NAME --check` measures it"
+        )
+    check_times(msgspec.convert(stated["watchdog"], float), profile.limits)
+
+
+def _switched(kind: type[Struct], given: dict[str, Any]) -> dict[str, Any]:
+    switches = {field.name for field in msgspec.structs.fields(kind) if field.type is bool}
+    return {name: SAID.get(str(value).lower(), value) if name in switches else value for name, value in given.items()}
 
 
 def _checked(content: dict[str, Any]) -> RobotProfile:
@@ -88,14 +153,22 @@ def _checked(content: dict[str, Any]) -> RobotProfile:
     tables = {name: table for name, table in content.items() if name not in SHARED}
     stray = sorted(name for name, table in tables.items() if not isinstance(table, dict))
     if stray:
-        raise ValueError(f"{stray[0]} is nothing that a profile says")
-    for name in ("limits", "tilt", "laser", "camera"):
+        raise ValueError(f"{stray[0]} is nothing that a profile says; {nearest(stray[0], SHARED)}")
+    for name, kind in SECTIONS.items():
         if isinstance(own.get(name), dict):
-            own[name] = {_camel(key): value for key, value in own[name].items()}
+            own[name] = _section(name, kind, own[name])
     battery = own.get("battery")
     if isinstance(battery, dict) and not battery.get("empty", 0.0) < battery.get("full", 0.0):
         raise ValueError("an empty battery has fewer volts than a full one")
     return msgspec.convert({**own, "adapters": tables}, RobotProfile)
+
+
+def _section(name: str, kind: type[Struct], table: dict[str, Any]) -> dict[str, Any]:
+    """Return a section with its keys as messages have them."""
+    for key in table:
+        if key not in kind.__struct_fields__:
+            raise ValueError(f"[{name}] has no key {key}; {nearest(key, kind.__struct_fields__)}")
+    return {_camel(key): value for key, value in table.items()}
 
 
 def _camel(name: str) -> str:

@@ -6,6 +6,7 @@ localization (`pose`: amcl's topic, or `tf`), or with `localization` "none" from
 
 import itertools
 import logging
+import math
 import time
 from collections.abc import Callable, Mapping
 from typing import Any, Literal, Protocol
@@ -14,7 +15,7 @@ from msgspec import Struct
 
 from robots.agent.adapters import ros_words
 from robots.agent.adapters.contract import AdapterError, VideoSource
-from robots.agent.adapters.errands import Errand
+from robots.agent.adapters.errands import LONGEST_RELOCALIZATION, Area, Errand
 from robots.agent.adapters.readings import stamp_of
 from robots.agent.adapters.remote import RemoteAdapter, profile_of
 from robots.agent.adapters.robot_profile import RobotProfile
@@ -23,6 +24,7 @@ from robots.api.geometry import Pose2D
 from robots.api.messages import Action, ActionState, Capability, Dock, Goto, Relocalize, Undock, Velocity
 
 ACCEPTANCE = 5.0  # seconds in which navigation has to take note of a goal
+TOLD_WITHIN, TURNED_WITHIN = 0.5, 0.26  # metres and radians: standard deviations of a pose that somebody told
 SCAN_PERIOD = 0.05
 PICTURE_PERIOD = 0.03
 DONE: dict[int, dict[int, ActionState]] = {
@@ -67,7 +69,7 @@ class RosOptions(Struct, frozen=True, kw_only=True):
     bumper: str = ""
     estop: str = ""
     image: str = ""
-    watchdog: float = 0.6
+    watchdog: float
 
 
 class Goals(Protocol):
@@ -225,7 +227,7 @@ class RosAdapter(RemoteAdapter):
     def _transforms(self, message: dict[str, Any]) -> None:
         found = ros_words.transform_in(message, self._options.map_frame, self._options.odom_frame)
         if found is not None:
-            self.readings.corrected(found)
+            self.readings.corrected(found, time.monotonic())
 
     def _scan(self, message: dict[str, Any]) -> None:
         arrived = time.time()
@@ -259,7 +261,7 @@ class RosAdapter(RemoteAdapter):
     def _turn_head(self, angle: float) -> None:
         self._bus.publish(self._options.tilt, {"data": angle})
 
-    async def _order(self, action: Action) -> Errand | None:
+    async def _order(self, action: Action) -> Errand:
         match action:
             case Goto(x=x, y=y) if x is not None and y is not None:
                 self._send_goal(Pose2D(x, y, self._heading(action)))
@@ -270,8 +272,7 @@ class RosAdapter(RemoteAdapter):
             case Undock():
                 await self._trigger(self._options.undock)
             case Relocalize(x=x, y=y) if x is not None and y is not None:
-                self._relocalize(Pose2D(x, y, action.theta or 0.0))
-                return None
+                return self._relocalize(action, Pose2D(x, y, action.theta or 0.0))
             case _:
                 raise AdapterError(f"{self.profile.series} has to be told where it is")
         return self._errand(action)
@@ -287,12 +288,16 @@ class RosAdapter(RemoteAdapter):
         if not done:
             raise AdapterError(f"{service} refuses: {reason or 'it does not say why'}")
 
-    def _relocalize(self, place: Pose2D) -> None:
+    def _relocalize(self, action: Relocalize, place: Pose2D) -> Errand:
+        """Say where the robot is, and wait for its localization to say so too: amcl answers with the next scan, and once."""
         covariance = [0.0] * 36
-        covariance[0] = covariance[7] = 0.25
-        covariance[35] = 0.07
+        covariance[0] = covariance[7] = TOLD_WITHIN**2
+        covariance[35] = (TURNED_WITHIN if action.theta is not None else math.pi) ** 2
         header = ros_words.header(self._options.map_frame, time.time(), self._bus.version)
         self._bus.publish(self._options.initial_pose, {"header": header, "pose": {"pose": ros_words.pose(place), "covariance": covariance}})
+        area = Area(place.x, place.y, 2.0 * TOLD_WITHIN, action.theta, 3.0 * TURNED_WITHIN)
+        now = time.monotonic()
+        return Errand(action.action_id, "relocalize", now, deadline=now + LONGEST_RELOCALIZATION, area=area)
 
     async def _withdraw(self, errand: Errand) -> None:
         if errand.kind != "goto":

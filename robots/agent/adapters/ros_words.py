@@ -18,6 +18,7 @@ from robots.api.messages import Pose, Scan, Velocity
 MOST_RANGES = 2000
 HALF_TRUSTED = 0.3  # metres of standard deviation at which a pose counts half; beyond it the robot is lost
 CHARGING, FULL = 1, 4  # sensor_msgs/BatteryState
+STATUS_KNOWN = frozenset({1, 2, 3, 4})
 
 Said = Mapping[str, Any]
 
@@ -32,7 +33,7 @@ class Charge:
 
     voltage: float | None
     charge: float | None
-    charging: bool
+    charging: bool | None
 
 
 def time_of(unix: float, version: int) -> dict[str, int]:
@@ -147,11 +148,16 @@ def scan_in(message: Said, stamp: float) -> Scan:
 
 
 def battery_in(message: Said) -> Charge:
-    """Read a sensor_msgs/BatteryState; some drivers count to 100."""
+    """Read a sensor_msgs/BatteryState, in which NaN is unmeasured; some drivers count to 100, and some say -1 or 0 V for what they do not know."""
     voltage, share = _finite(message.get("voltage")), _finite(message.get("percentage"))
     if share is not None and share > 1.0:
         share /= 100.0
-    return Charge(voltage, share, message.get("power_supply_status") in {CHARGING, FULL})
+    status = message.get("power_supply_status")
+    return Charge(
+        voltage if voltage is not None and voltage > 0.0 else None,
+        share if share is not None and share >= 0.0 else None,
+        status in {CHARGING, FULL} if status in STATUS_KNOWN else None,
+    )
 
 
 def picture_in(message: Said) -> bytes:

@@ -21,6 +21,7 @@ import numpy as np
 
 from robots.agent import framing
 from robots.agent.adapters.contract import NOWHERE, ActionProgress, AdapterError, AudioSource, Profile, RcaState, VideoSource
+from robots.agent.adapters.robot_profile import nearest
 from robots.agent.adapters.simulator_child import end, launch
 from robots.agent.adapters.simulator_media import SimulatorCamera, SimulatorMicrophone
 from robots.agent.simulator import wire
@@ -52,7 +53,7 @@ def create(profile_name: str, options: Mapping[str, Any]) -> "SimulatorAdapter":
     """
     unknown = sorted(set(options) - set(OPTIONS))
     if unknown:
-        raise AdapterError(f"the simulator has no option {', '.join(unknown)}; it has {', '.join(OPTIONS)}")
+        raise AdapterError(f"the simulator has no option {unknown[0]}; {nearest(unknown[0], OPTIONS)}")
     try:
         model = model_of(profile_name)
         plan, directory = load_plan(str(options.get("plan", "office")))

@@ -10,6 +10,7 @@ from django.core.management.base import BaseCommand, CommandError
 from robots import log_ids
 from robots.agent.agent import agent_of, run_until_signalled
 from robots.agent.config import ENVIRONMENT, ConfigError, add_arguments
+from robots.agent.robot_check import check_robot, say_line
 
 
 class Command(BaseCommand):
@@ -25,6 +26,9 @@ class Command(BaseCommand):
         log_ids.of_process(robot=options["robot"])
         var = options["var"] or os.environ.get(f"{ENVIRONMENT}VAR") or settings.VAR_DIR
         try:
-            run_until_signalled(agent_of({**options, "var": var}))
+            if not options["check"]:
+                run_until_signalled(agent_of({**options, "var": var}))
+            elif not check_robot({**options, "var": var}, say_line):
+                raise CommandError("The robot is not as its profile says.")
         except ConfigError as error:
             raise CommandError(str(error)) from error

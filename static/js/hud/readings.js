@@ -24,6 +24,7 @@ export const createReadings = (element, words) => {
     waiting: element("waiting"),
     waitingText: element("waiting-text"),
     battery: element("battery"),
+    batteryName: element("battery-name"),
     batteryText: element("battery-text"),
     batteryMore: element("battery-more"),
     batteryLevel: element("battery-level"),
@@ -73,9 +74,12 @@ const showBattery = (parts, { robot }, words) => {
     return;
   }
   const { charge, charging } = robot.battery;
-  parts.battery.toggleAttribute("data-charging", charging);
-  parts.battery.toggleAttribute("data-low", charge < LOW_BATTERY && !charging);
-  parts.batteryLevel.style.setProperty("--charge", String(charge));
-  write(parts.batteryText, words.say("reading.battery", { percent: Math.round(charge * 100) }));
+  const known = charge !== null;
+  parts.battery.toggleAttribute("data-charging", charging === true);
+  parts.battery.toggleAttribute("data-low", known && charge < LOW_BATTERY && !charging);
+  parts.batteryLevel.hidden = !known;
+  parts.batteryLevel.style.setProperty("--charge", String(charge ?? 0));
+  parts.batteryName.hidden = !known; // the words for an unknown one name it themselves
+  write(parts.batteryText, known ? words.say("reading.battery", { percent: Math.round(charge * 100) }) : words.say("reading.battery_unknown"));
   write(parts.batteryMore, charging ? words.say("reading.charging") : "");
 };

@@ -9,7 +9,7 @@ const AHEAD = 0.25; // s that a pose may be carried on by its velocity
 const GAP = 0.6; // s between two poses, beyond which nothing is known of the way from one to the other
 
 /** @typedef {{x: number, y: number, theta: number}} Place m and rad, in the map */
-/** @typedef {Place & {tilt: number, linear: number, angular: number, stamp: number, localized: boolean}} Moment */
+/** `aimed` is false while nobody knows the tilt. @typedef {Place & {tilt: number, aimed: boolean, linear: number, angular: number, stamp: number, localized: boolean}} Moment */
 
 /** @param {Place} place @param {[number, number]} point m, in its frame @returns {[number, number]} m, in the frame that it stands in */
 export const outOf = ({ x, y, theta }, [u, v]) => [x + u * Math.cos(theta) - v * Math.sin(theta), y + u * Math.sin(theta) + v * Math.cos(theta)];
@@ -50,7 +50,7 @@ export class Track {
       this.moments = [];
     }
     const { x, y, theta, localized } = pose;
-    this.moments.push({ x, y, theta, localized, stamp, tilt: tilt ?? 0, linear: velocity.linear, angular: velocity.angular });
+    this.moments.push({ x, y, theta, localized, stamp, tilt: tilt ?? 0, aimed: tilt !== null, linear: velocity.linear, angular: velocity.angular });
     if (this.moments.length > KEPT) {
       this.moments.shift();
     }

@@ -67,9 +67,10 @@ export const createOverlay = ({ store, element, steering, pictureStamp, stop, re
   });
 
   const eye = () => {
-    const { camera } = store.get().factsheet ?? {};
+    const { camera, tilt } = store.get().factsheet ?? {};
     const moment = track.at(pictureStamp());
-    return camera && moment && width ? { camera, moment, box: boxOf(camera, width, height, fit) } : null;
+    const isAimed = moment?.aimed || !tilt; // where a head looks that nobody knows the angle of, nothing can be drawn
+    return camera && moment && isAimed && width ? { camera, moment, box: boxOf(camera, width, height, fit) } : null;
   };
 
   /** At which side of the picture a hand is: there it turns the robot. @param {PointerEvent} event */

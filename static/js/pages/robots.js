@@ -17,8 +17,10 @@ function render(card, robot) {
   card.querySelector("[data-badge]").className = `badge badge--${robot.state}`;
   say(card.querySelector("[data-badge] [data-text]"), robot.label);
   say(card.querySelector("[data-detail]"), robot.detail);
-  card.querySelector("[data-battery]").hidden = robot.charge === null;
-  card.querySelector("meter").value = robot.charge ?? 0;
+  card.querySelector("[data-battery]").hidden = !robot.battery;
+  const meter = card.querySelector("meter");
+  meter.hidden = robot.charge === null;
+  meter.value = robot.charge ?? 0;
   say(card.querySelector("[data-battery-text]"), robot.battery);
   const action = card.querySelector("[data-action]");
   action.classList.toggle("button--action", robot.state === "available");

@@ -34,7 +34,7 @@ export const readingsAt = (record, t, words) => {
     place: moment?.stale ? words.say("unknown") : moment && !moment.localized ? `${place()} · ${words.say("lost")}` : place(),
     driven: moment && !moment.stale ? `${states.v[i].toFixed(2)} m/s · ${states.w[i].toFixed(2)} rad/s` : NONE,
     command: commandTold(commandAt(record, t), words),
-    battery: moment ? `${Math.round(states.charge[i] * 100)} %${states.docked[i] ? ` · ${words.say("docked")}` : ""}` : NONE,
+    battery: moment ? `${told(states.charge[i], (charge) => `${Math.round(charge * 100)} %`)}${states.docked[i] ? ` · ${words.say("docked")}` : ""}` : NONE,
     clearance: told(moment && states.clearance[i], (value) => `${value.toFixed(2)} m`),
     network: networkTold(networkAt(record, t), words),
   };

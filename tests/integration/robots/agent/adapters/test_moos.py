@@ -1,6 +1,7 @@
 """OpenMORA's variables in a MOOSDB: the conformance suite against a double or, with MOOSDB=host:port, against a real one; and the wire."""
 
 import asyncio
+import math
 import os
 
 import pytest
@@ -14,7 +15,7 @@ from robots.agent.adapters.moos_client import MoosClient
 from robots.agent.adapters.moos_wire import Mail
 from robots.api.messages import Goto
 from tests.support.adapter_conformance import some, wait_for
-from tests.support.moos_robot import MoosRig
+from tests.support.moos_robot import NODES, VIA, MoosRig
 from tests.support.moosdb import MoosDb
 from tests.support.rca_conformance import RcaConformance, ended, heard
 
@@ -33,6 +34,22 @@ class TestGiraff(RcaConformance):
             assert abs(self.rig.world.truth.x - goal[0]) < 0.3
             await adapter.close()
             await adapter.connect()
+
+    async def test_a_place_by_name_is_reached_at_the_end_of_its_plan_and_not_at_the_first_node_on_the_way(self, adapter):
+        for number in range(2):
+            await adapter.start(Goto(action_id=f"g{number}", stamp=0.0, place="Sofa"))
+            assert (await heard(adapter, ended(f"g{number}"), 20.0))[-1].status == "FINISHED"
+            assert math.dist(self.rig.world.truth[:2], NODES["Sofa"]) < 0.3
+            self.rig.reset()
+            await wait_for(adapter, lambda s: s.pose.x < NODES["Door"][0])
+
+    async def test_a_plan_that_ends_elsewhere_has_failed(self, adapter, monkeypatch):
+        monkeypatch.setattr("robots.agent.adapters.moos.LANDING", 0.5)
+        monkeypatch.setitem(VIA, "Sofa", None)
+        monkeypatch.delitem(NODES, "Sofa")  # the planner finds no way to it, and says that the plan is finished
+        await adapter.start(Goto(action_id="g", stamp=0.0, place="Sofa"))
+        last = (await heard(adapter, ended("g")))[-1]
+        assert (last.status, last.reason) == ("FAILED", "the robot stopped before it was there")
 
     async def test_bumpers_count_once_a_touch(self, adapter):
         before = (await some(adapter.states(), 1))[0].contacts

@@ -5,8 +5,9 @@ import time
 
 import pytest
 
-from robots.agent.adapters import openmora, registry, remote
+from robots.agent.adapters import openmora, openmora_mqtt, registry, remote
 from robots.agent.adapters.contract import AdapterError
+from robots.agent.adapters.robot_profile import load_profile
 from robots.api.messages import Goto, Relocalize, Velocity
 from tests.support.adapter_conformance import some, wait_for
 from tests.support.openmora_robot import OpenMoraRig
@@ -100,7 +101,7 @@ def test_what_is_no_pose_is_refused(text):
 
 def test_a_status_of_a_robot_that_knows_nothing_is_read():
     status = openmora.status_of("NULL|NULL|NULL|NULL|NULL|NULL|NULL|NULL|NULL")
-    assert (status.pose, status.place, status.voltage, status.autonomous, status.charging) == (None, "", None, False, False)
+    assert (status.pose, status.place, status.voltage, status.autonomous, status.charging) == (None, "", None, False, None)
 
 
 @pytest.mark.parametrize("text", ["", "a|b", "1 2 3|a|b|Manual|much|0"])
@@ -124,3 +125,18 @@ def test_what_is_no_scan_is_refused(text):
 
 def test_the_places_of_a_topology_are_found():
     assert openmora.nodes_of("Graph#Charger Place 0.5 6.3#Lab Place 3 4.1") >= {"Charger", "Lab"}
+
+
+def test_a_voltage_that_no_module_has_said_yet_is_unknown():
+    """A variable of MOOS that was never written is 0.0 (MOOSVariable.cpp), and the module says it all the same."""
+    assert openmora.status_of("|||Manual|0.00|0|0|0|0").voltage is None
+
+
+def test_the_angle_of_a_head_that_nobody_has_turned_is_unknown_and_known_once_it_must_be_there():
+    head = openmora_mqtt._Head(load_profile("giraff"))
+    assert head.angle(0.0) is None
+    head.turn_to(0.5, 10.0)
+    assert head.angle(10.5) is None  # it turns from nobody knows where
+    assert head.angle(13.0) == 0.5
+    head.turn_to(0.1, 20.0)
+    assert head.angle(20.25) == pytest.approx(0.3)

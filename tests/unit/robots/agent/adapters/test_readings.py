@@ -80,9 +80,9 @@ def test_a_fix_belongs_to_the_odometry_of_its_own_moment():
 def test_a_transform_says_where_the_odometry_lies_in_the_map_and_what_is_lost_is_nowhere():
     readings = Readings()
     readings.moved(Pose2D(1.0, 0.0, 0.0), AHEAD, 100.0, 100.0)
-    readings.corrected(Pose2D(2.0, 3.0, math.pi))
+    readings.corrected(Pose2D(2.0, 3.0, math.pi), 100.0)
     assert (readings.pose.x, readings.pose.y, readings.pose.localized) == (pytest.approx(1.0), pytest.approx(3.0), True)
-    readings.lost()
+    readings.lost(101.0)
     assert readings.pose == NOWHERE
 
 
@@ -127,3 +127,22 @@ def test_what_comes_out_is_sound():
     readings.scanned(SCAN)
     readings.charged(voltage=25.0, charge=0.5)
     assert sound(readings.state(101.0)).distance > 0.0
+
+
+def test_a_battery_of_which_nobody_has_said_anything_is_unknown():
+    state = Readings().state(1.0)
+    assert (state.battery.charge, state.battery.voltage, state.battery.charging, state.docked) == (None, None, None, False)
+
+
+def test_volts_say_nothing_of_the_charge_when_nobody_knows_the_battery_and_what_is_no_longer_known_is_unknown_again():
+    readings = Readings()
+    readings.charged(voltage=25.0, charge=0.9, charging=True)
+    readings.charged(voltage=25.0)
+    state = readings.state(1.0)
+    assert (state.battery.charge, state.battery.voltage, state.battery.charging, state.docked) == (None, 25.0, None, False)
+
+
+def test_a_charge_that_is_no_number_is_unknown_and_the_reading_sound():
+    readings = Readings()
+    readings.charged(charge=math.nan, charging=False)
+    assert sound(readings.state(1.0)).battery.charge is None

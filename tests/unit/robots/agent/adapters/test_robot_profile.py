@@ -43,7 +43,7 @@ def test_the_command_line_of_the_paper_is_enough():
 
 def test_a_profile_of_ones_own_overrules_defaults_and_options_overrule_it(tmp_path):
     file = tmp_path / "mine.toml"
-    file.write_text(MINE + LIMITS + '[moos]\nport = 9001\nhost = "robot"\n')
+    file.write_text(MINE + LIMITS + '[moos]\nwatchdog = 0.5\nport = 9001\nhost = "robot"\n')
     assert registry.create("moos", str(file)).place == "the MOOSDB at robot:9001"
     assert registry.create("moos", str(file), {"port": "9002"}).place == "the MOOSDB at robot:9002"
 
@@ -58,12 +58,12 @@ def test_a_base_without_localization_gets_ours():
     [
         ("series = ", "cannot be used"),
         (MINE, "linear"),
-        (MINE + LIMITS + "wings = 2\n[tilt]\nminimum = 0.0\n", "maximum"),
+        (MINE + LIMITS + "[tilt]\nminimum = 0.0\n", "maximum"),
         ('colour = "red"\n' + MINE + LIMITS, "colour is nothing that a profile says"),
         (MINE + LIMITS + "[battery]\nempty = 30.0\nfull = 20.0\n", "fewer volts"),
         (MINE.replace("0.2, -0.2", "0.2") + LIMITS, "footprint"),
         (MINE + LIMITS + "[moos]\nwatchdog = 0.0\n", "watchdog"),
-        (MINE + LIMITS + "[moos]\nwings = 2\n", "no option wings"),
+        (MINE + LIMITS + "[moos]\nwatchdog = 0.5\nwings = 2\n", "no option wings"),
     ],
 )
 def test_a_profile_that_cannot_be_is_refused_with_the_reason(tmp_path, text, sentence):

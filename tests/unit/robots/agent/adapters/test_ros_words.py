@@ -76,7 +76,7 @@ def test_of_too_many_beams_every_so_many_are_kept():
 def test_a_battery_may_count_to_one_or_to_a_hundred_or_not_at_all():
     assert ros_words.battery_in({"voltage": 24.5, "percentage": 0.5, "power_supply_status": 1}) == ros_words.Charge(24.5, 0.5, True)
     assert ros_words.battery_in({"voltage": 24.5, "percentage": 50.0}).charge == 0.5
-    assert ros_words.battery_in({"voltage": None, "percentage": float("nan")}) == ros_words.Charge(None, None, False)
+    assert ros_words.battery_in({"voltage": None, "percentage": float("nan")}) == ros_words.Charge(None, None, None)
 
 
 def test_a_transform_of_others_is_none_of_ours():
@@ -109,3 +109,17 @@ def test_nonsense_is_refused_and_nothing_else(message):
             read(message)
         except ros_words.RosError:
             continue
+
+
+@pytest.mark.parametrize(
+    ("message", "known"),
+    [
+        ({"voltage": math.nan, "percentage": math.nan, "power_supply_status": 0}, (None, None, None)),
+        ({"voltage": 0.0, "percentage": -1.0, "power_supply_status": 0}, (None, None, None)),
+        ({"voltage": 25.0, "percentage": 0.0, "power_supply_status": 2}, (25.0, 0.0, False)),
+        ({"voltage": 25.0, "percentage": 100.0, "power_supply_status": 4}, (25.0, 1.0, True)),
+    ],
+)
+def test_what_a_battery_does_not_measure_is_unknown(message, known):
+    battery = ros_words.battery_in(message)
+    assert (battery.voltage, battery.charge, battery.charging) == known
