@@ -3,7 +3,7 @@
     /dev/video0                                    a camera of Linux
     v4l2:/dev/video0 video_size=1280x720 input_format=mjpeg
     rtsp://192.168.1.40/stream rtsp_transport=tcp  a camera of the network
-    alsa:default                                   the microphone, or the loudspeaker, of Linux
+    alsa:default                                   the microphone, or the loudspeaker, of Linux (see alsa.py)
     dshow:video=USB Camera                         a camera of Windows
     talk.mp4                                       a file, played in real time, over and over
 
@@ -17,7 +17,8 @@ from typing import Literal
 Kind = Literal["camera", "microphone", "loudspeaker"]
 
 DEVICES = frozenset({"v4l2", "alsa", "oss", "dshow", "avfoundation", "fbdev", "x11grab", "gdigrab"})
-SOUND_OUTPUTS = frozenset({"alsa", "oss"})
+SOUND = frozenset({"alsa", "oss"})
+ALSA = "alsa"
 GENERATORS = frozenset({"lavfi"})
 SCHEME = re.compile(r"^(rtsps?|rtmps?|https?|udp|tcp|rtp|srt)://", re.IGNORECASE)
 OPTION = re.compile(r"(?:\s+([a-z][a-z0-9_]*)=(\S+))$")
@@ -59,8 +60,12 @@ def read(words: str, kind: Kind) -> DeviceWords | None:
         form = "v4l2"
     if not address:
         raise DeviceWordsError(f"the {kind} {words!r} has no address after {form}:")
-    if kind == "loudspeaker" and form not in SOUND_OUTPUTS:
-        raise DeviceWordsError(f"the loudspeaker {words!r} is none: alsa:default, or another device of {' or '.join(sorted(SOUND_OUTPUTS))}")
+    if kind == "loudspeaker" and form != ALSA:
+        raise DeviceWordsError(f"the loudspeaker {words!r} is none: alsa:default, or another device of alsa")
+    if kind == "camera" and form in SOUND:
+        raise DeviceWordsError(f"the camera {words!r} is none: {form} has sound alone")
+    if form == ALSA and options:
+        raise DeviceWordsError(f"the {kind} {words!r} takes no {', '.join(sorted(options))}: rate and channels are converted as they must be")
     found = SCHEME.match(address)
     live = form in DEVICES or (not form and found is not None)
     usual = DEFAULTS.get(form or (found.group(1).lower().rstrip("s") if found else ""), {}) if kind == "camera" else {}
