@@ -37,14 +37,17 @@ def main(port: str, key_interval: str, *credentials: str) -> None:
         protect(server, factory, user, password)
     server.get_mount_points().add_factory("/stream", factory)
     server.attach(None)
-    watcher = Gst.parse_launch(f"rtspsrc name=camera location=rtsp://127.0.0.1:{port}/stream protocols=tcp {account} ! fakesink name=sink signal-handoffs=true")
+    watcher = Gst.parse_launch(
+        f"rtspsrc name=camera location=rtsp://127.0.0.1:{port}/stream protocols=tcp {account} ! fakesink name=sink signal-handoffs=true"
+    )
     loop = GLib.MainLoop()
     said = []
 
     def flows(*_arguments: object) -> None:
         if not said:
             said.append(True)
-            print("ready", flush=True)
+            sys.stdout.write("ready\n")
+            sys.stdout.flush()
 
     watcher.get_by_name("sink").connect("handoff", flows)
     watcher.set_state(Gst.State.PLAYING)
@@ -60,8 +63,8 @@ def protect(server: "GstRtspServer.RTSPServer", factory: "GstRtspServer.RTSPMedi
     auth.add_digest(user, password, token)
     server.set_auth(auth)
     permissions = GstRtspServer.RTSPPermissions()
-    permissions.add_permission_for_role("user", "media.factory.access", True)  # noqa: FBT003 -- GStreamer's own signature
-    permissions.add_permission_for_role("user", "media.factory.construct", True)  # noqa: FBT003
+    permissions.add_permission_for_role("user", "media.factory.access", True)
+    permissions.add_permission_for_role("user", "media.factory.construct", True)
     factory.set_permissions(permissions)
 
 

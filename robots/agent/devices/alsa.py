@@ -47,7 +47,8 @@ class AlsaLimits:
     period: float = 0.02
     waiting: int = 10 * BLOCK  # recorded and not fetched: more is dropped, the oldest first
     pipe: int = 2048  # written and not played: the smallest pipe that Linux makes, 43 ms
-    full: float = 1.0  # a device that takes nothing for so long hangs
+    opening: float = 5.0  # a sound server that wakes a device needs seconds
+    full: float = 1.0  # a device that is open and takes nothing for so long hangs
     ending: float = 0.5  # to play what is left, and to end
     listing: float = 3.0  # to name the devices that there are
 
@@ -144,6 +145,7 @@ class _Child:
     def __init__(self, program: Program, name: str, address: str) -> None:
         self._program, self._name, self._address = program, name, address
         self._said = b""
+        self._began = time.monotonic()
         command = (
             program, "--quiet", "--device", f"plug:'{address}'", "--file-type", "raw", "--format", "S16_LE", "--rate", str(RATE), "--channels", "1",
             "--buffer-time", f"{LIMITS.device_buffer * 1e6:.0f}", "--period-time", f"{LIMITS.period * 1e6:.0f}",
@@ -194,7 +196,8 @@ class _Child:
         left = memoryview(data)
         while left:
             self._listen()
-            if not select.select([], [_file(self._process.stdin)], [], LIMITS.full)[1]:
+            patience = max(LIMITS.full, self._began + LIMITS.opening - time.monotonic())
+            if not select.select([], [_file(self._process.stdin)], [], patience)[1]:
                 raise AdapterError(f"the {self._name} {self._address} takes nothing")
             try:
                 left = left[os.write(_file(self._process.stdin).fileno(), left) :]

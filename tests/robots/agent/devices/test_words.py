@@ -34,7 +34,17 @@ def test_what_is_played_and_what_is_drawn_is_not_live():
 
 
 @pytest.mark.parametrize(
-    ("words", "kind"), [("v4l2:", "camera"), ("alsa: channels=1", "microphone"), ("talk.mp4", "loudspeaker"), ("v4l2:/dev/video0", "loudspeaker")]
+    ("words", "kind"),
+    [
+        ("v4l2:", "camera"),
+        ("alsa:default", "camera"),
+        ("oss:/dev/dsp", "camera"),
+        ("alsa: channels=1", "microphone"),
+        ("alsa:default channels=1", "microphone"),
+        ("alsa:default buffer=1", "loudspeaker"),
+        ("talk.mp4", "loudspeaker"),
+        ("v4l2:/dev/video0", "loudspeaker"),
+    ],
 )
 def test_what_cannot_be_is_said_in_a_sentence(words, kind):
     with pytest.raises(DeviceWordsError, match=f"the {kind} "):
