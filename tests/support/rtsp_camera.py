@@ -11,8 +11,9 @@ import sys
 import gi
 
 gi.require_version("Gst", "1.0")
+gi.require_version("GstRtsp", "1.0")
 gi.require_version("GstRtspServer", "1.0")
-from gi.repository import GLib, Gst, GstRtspServer  # noqa: E402 -- versions come first
+from gi.repository import GLib, Gst, GstRtsp, GstRtspServer  # noqa: E402 -- versions come first
 
 FPS = 15
 PIPELINE = (
@@ -56,10 +57,9 @@ def main(port: str, key_interval: str, *credentials: str) -> None:
 
 def protect(server: "GstRtspServer.RTSPServer", factory: "GstRtspServer.RTSPMediaFactory", user: str, password: str) -> None:
     auth = GstRtspServer.RTSPAuth()
-    auth.set_supported_methods(3)  # basic and digest, GST_RTSP_AUTH_BASIC | GST_RTSP_AUTH_DIGEST
+    auth.set_supported_methods(GstRtsp.RTSPAuthMethod.DIGEST)
     token = GstRtspServer.RTSPToken()
     token.set_string("media.factory.role", "user")
-    auth.add_basic(GstRtspServer.RTSPAuth.make_basic(user, password), token)
     auth.add_digest(user, password, token)
     server.set_auth(auth)
     permissions = GstRtspServer.RTSPPermissions()

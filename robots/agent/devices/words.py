@@ -13,6 +13,7 @@ What follows the address is given to FFmpeg as it is (https://ffmpeg.org/ffmpeg-
 import re
 from dataclasses import dataclass, field
 from typing import Literal
+from urllib.parse import urlsplit
 
 Kind = Literal["camera", "microphone", "loudspeaker"]
 
@@ -25,7 +26,8 @@ OPTION = re.compile(r"(?:\s+([a-z][a-z0-9_]*)=(\S+))$")
 DEFAULTS: dict[str, dict[str, str]] = {
     # The driver's clock tells when a picture was taken; without it only its arrival is known.
     "v4l2": {"ts": "abs", "video_size": "640x480", "framerate": "30"},
-    "rtsp": {"rtsp_transport": "tcp", "fflags": "nobuffer", "flags": "low_delay"},
+    # A camera describes its stream before it sends it: 0.1 s (in microseconds) and 100 kB to look into it are enough, FFmpeg's own 5 s cost 2.
+    "rtsp": {"rtsp_transport": "tcp", "fflags": "nobuffer", "flags": "low_delay", "analyzeduration": "100000", "probesize": "100000"},
     "http": {"fflags": "nobuffer", "flags": "low_delay"},
 }
 
@@ -42,6 +44,14 @@ class DeviceWords:
     format: str = ""
     options: dict[str, str] = field(default_factory=dict)
     live: bool = True
+
+    @property
+    def place(self) -> str:
+        """Return what sentences call it, which visitors may read: of an address no password, and no path or query that may have one in it."""
+        if not SCHEME.match(self.address):
+            return self.address
+        parts = urlsplit(self.address)
+        return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}"
 
 
 def read(words: str, kind: Kind) -> DeviceWords | None:

@@ -13,7 +13,7 @@ from av.video.reformatter import VideoReformatter
 
 from robots.agent.adapters.contract import Frame
 from robots.agent.devices.camera import picture_of
-from robots.agent.media.capture import STALL, CaptureState
+from robots.agent.media.capture import LIMITS, CaptureState
 from robots.agent.media.encoder import Picture
 from robots.agent.media.key_frames import KeyFrames, Reason
 from robots.agent.media.rtp import VIDEO_RATE, vp8_payloads
@@ -21,7 +21,7 @@ from robots.agent.media.visitor import ROUND, STEP, Continuous
 
 SNAPSHOT_TIMEOUT, SNAPSHOT_ASKS = 3.0, 6  # s, and how often a whole picture is asked for in that time
 DRIFT = 0.001  # by which two clocks may differ; the fastest picture of long ago is forgotten as fast
-MISSING = "no page of the robot's screen gives one"
+MISSING_VIDEO, MISSING_SOUND = "no page of the robot's screen gives video", "no page of the robot's screen gives sound"
 
 
 class PageCamera:
@@ -48,9 +48,9 @@ class PageCamera:
     @property
     def state(self) -> CaptureState:
         """Return how it is."""
-        if time.monotonic() - self._heard_at < STALL:
+        if time.monotonic() - self._heard_at < LIMITS.stall:
             return CaptureState("live")
-        return CaptureState("failed", MISSING) if self._viewers > 0 else CaptureState("idle")
+        return CaptureState("failed", MISSING_VIDEO) if self._viewers > 0 else CaptureState("idle")
 
     def start(self) -> None:
         """Nothing to begin: the page gives what it gives."""
@@ -101,7 +101,7 @@ class PageCamera:
     def _stamp(self, seconds: float) -> float:
         now = time.time()
         ahead = now - seconds
-        if self._ahead is not None and 0.0 <= ahead - self._ahead[1] < STALL:
+        if self._ahead is not None and 0.0 <= ahead - self._ahead[1] < LIMITS.stall:
             ahead = min(ahead, self._ahead[1] + DRIFT * max(0.0, now - self._ahead[0]))
         self._ahead = now, ahead
         return ahead + seconds
@@ -123,9 +123,9 @@ class PageMicrophone:
     @property
     def state(self) -> CaptureState:
         """Return how it is."""
-        if time.monotonic() - self._heard_at < STALL:
+        if time.monotonic() - self._heard_at < LIMITS.stall:
             return CaptureState("live")
-        return CaptureState("failed", MISSING) if self._listeners > 0 else CaptureState("idle")
+        return CaptureState("failed", MISSING_SOUND) if self._listeners > 0 else CaptureState("idle")
 
     def start(self) -> None:
         """Nothing to begin: the page gives what it gives."""
