@@ -26,6 +26,10 @@ class RtspServer:
     def url_for(self, user: str, password: str) -> str:
         return f"rtsp://{user}:{password}@127.0.0.1:{self.port}/stream"
 
+    @property
+    def is_plugged(self) -> bool:
+        return self._process is not None
+
     def plug(self) -> None:
         self._process = subprocess.Popen(("/usr/bin/python3", str(SCRIPT), *self._arguments), stdout=subprocess.PIPE, text=True)
         assert self._process.stdout.readline() == "ready\n", "the RTSP server has ended"
@@ -34,6 +38,7 @@ class RtspServer:
         self._process.kill()
         self._process.wait()
         self._process.stdout.close()
+        self._process = None
 
     def freeze(self) -> None:
         self._process.send_signal(signal.SIGSTOP)

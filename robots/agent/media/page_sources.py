@@ -22,6 +22,7 @@ from robots.agent.media.visitor import ROUND, STEP, Continuous
 SNAPSHOT_TIMEOUT, SNAPSHOT_ASKS = 3.0, 6  # s, and how often a whole picture is asked for in that time
 DRIFT = 0.001  # by which two clocks may differ; the fastest picture of long ago is forgotten as fast
 MISSING_VIDEO, MISSING_SOUND = "no page of the robot's screen gives video", "no page of the robot's screen gives sound"
+OPENING = 5.0  # s in which the page of the robot's screen begins to give what somebody wants
 
 
 class PageCamera:
@@ -42,15 +43,14 @@ class PageCamera:
         self._source = ""
         self._viewers = 0
         self._heard_at = float("-inf")
+        self._wanted_since = float("-inf")
         self._whole: bytes | None = None
         self._whole_came = threading.Condition()
 
     @property
     def state(self) -> CaptureState:
         """Return how it is."""
-        if time.monotonic() - self._heard_at < LIMITS.stall:
-            return CaptureState("live")
-        return CaptureState("failed", MISSING_VIDEO) if self._viewers > 0 else CaptureState("idle")
+        return _state(self._heard_at, self._wanted_since if self._viewers > 0 else None, MISSING_VIDEO)
 
     def start(self) -> None:
         """Nothing to begin: the page gives what it gives."""
@@ -60,6 +60,8 @@ class PageCamera:
 
     def watch(self, number: int, rung: int = 0) -> None:  # noqa: ARG002 -- there is one
         """Note that `number` more watch, fewer when negative."""
+        if self._viewers == 0:
+            self._wanted_since = time.monotonic()
         self._viewers += number
 
     def ask_key_frame(self, reason: Reason, rung: int = 0) -> None:  # noqa: ARG002 -- as above
@@ -119,13 +121,12 @@ class PageMicrophone:
         self._clock = Continuous(STEP["audio"])
         self._listeners = 0
         self._heard_at = float("-inf")
+        self._wanted_since = float("-inf")
 
     @property
     def state(self) -> CaptureState:
         """Return how it is."""
-        if time.monotonic() - self._heard_at < LIMITS.stall:
-            return CaptureState("live")
-        return CaptureState("failed", MISSING_SOUND) if self._listeners > 0 else CaptureState("idle")
+        return _state(self._heard_at, self._wanted_since if self._listeners > 0 else None, MISSING_SOUND)
 
     def start(self) -> None:
         """Nothing to begin: the page gives what it gives."""
@@ -135,9 +136,21 @@ class PageMicrophone:
 
     def listen(self, number: int) -> None:
         """Note that `number` more listen, fewer when negative."""
+        if self._listeners == 0:
+            self._wanted_since = time.monotonic()
         self._listeners += number
 
     def take(self, source: str, data: bytes, ticks: int) -> None:
         """Take an encoded sound of a connection; `ticks` are its own."""
         self._heard_at = time.monotonic()
         self._deliver(data, self._clock.tick(source, ticks))
+
+
+def _state(heard_at: float, wanted_since: float | None, missing: str) -> CaptureState:
+    """Return how it is: something was heard at `heard_at`, somebody wants it since `wanted_since` or nobody does; monotonic seconds."""
+    now = time.monotonic()
+    if now - heard_at < LIMITS.stall:
+        return CaptureState("live")
+    if wanted_since is None:
+        return CaptureState("idle")
+    return CaptureState("starting") if now - wanted_since < OPENING else CaptureState("failed", missing)

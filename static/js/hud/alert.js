@@ -48,7 +48,7 @@ const linkAlert = ({ visit, robot, roundTrip, slow, playing, stuck }) => {
     return { word: visit.phase === "driving" ? "alert.link_driver" : "alert.link_observer", tone: "busy" };
   }
   if (robot?.cameraStatus?.reason && playing) {
-    return { word: "alert.camera", tone: "danger", values: { reason: robot.cameraStatus.reason } };
+    return { word: "alert.camera", tone: "danger" };
   }
   if (stuck) {
     return null;
