@@ -58,7 +58,8 @@ def shows(page: LoopbackPage, colour: tuple[int, int, int]) -> bool:
 
 async def test_what_the_robots_page_sees_and_hears_reaches_who_watches_before_and_after(robot) -> None:
     before = await robot.viewer("before")
-    assert robot.media.camera.reason == MISSING_VIDEO
+    assert robot.media.camera.status == "starting"
+    await until(lambda: robot.media.camera.reason == MISSING_VIDEO and MISSING_VIDEO in robot.media.errors, what="why there is none")
     await robot.screen("screen", GREEN)
     after = await robot.viewer("after")
     await until(lambda: shows(before, GREEN) and shows(after, GREEN), what="its picture")
