@@ -2,6 +2,9 @@
 # The Debian packages that the tests drive for real. As root they are installed; otherwise the exact line is named.
 set -eu
 packages="chromium firefox-esr systemd openssl mosquitto postgresql redis-server nginx-light caddy coturn iproute2 nftables nodejs npm fonts-dejavu-core"
+# Real sound servers for microphone and loudspeaker, and a real RTSP server for cameras: 67 MB to download.
+packages="$packages alsa-utils libasound2-plugins pulseaudio pulseaudio-utils pipewire pipewire-pulse wireplumber dbus-daemon"
+packages="$packages python3-gi gir1.2-gst-rtsp-server-1.0 gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstreamer1.0-plugins-ugly"
 # A real ROS 1 for its adapter: 11 MB to download.
 packages="$packages python3-rospy python3-rosmaster python3-nav-msgs python3-sensor-msgs python3-std-srvs python3-move-base-msgs"
 missing=""

@@ -14,7 +14,8 @@ from robots.api.messages import Action, AssistLevel, FloorPlanUpdate, Velocity
 log = logging.getLogger(__name__)
 
 CONNECT_TIME = 30.0
-SILENCE = 2.0
+FIRST_READING = 10.0  # from the connection to the first reading: an architecture may need seconds, and nobody drives before
+SILENCE = 2.0  # from one reading to the next
 START_TIME = 10.0
 CLOSE_TIME = 5.0
 
@@ -149,8 +150,9 @@ class AdapterLink:
 
     async def _states(self, listener: Listener) -> None:
         states = self.adapter.states()
-        silent = asyncio.timeout(SILENCE)
+        silent = asyncio.timeout(FIRST_READING)
         complaint = "it is silent"
+        now = asyncio.get_running_loop().time
         try:
             async with silent:
                 async for reading in states:
@@ -159,8 +161,9 @@ class AdapterLink:
                     except UnsoundReadingError as error:
                         # Only a sound reading postpones the time-out: nonsense is no better than silence.
                         complaint = f"it reports nonsense: {error}"
+                        silent.reschedule(min(silent.when() or now(), now() + SILENCE))
                         continue
-                    silent.reschedule(asyncio.get_running_loop().time() + SILENCE)
+                    silent.reschedule(now() + SILENCE)
                     self._came_up(listener)
                     listener.reading(checked)
         except TimeoutError as error:

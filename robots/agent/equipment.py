@@ -10,8 +10,8 @@ from typing import TypeVar
 from robots.agent.adapters.contract import FROM_PAGE, Adapter, AudioSource, FromPage, Outputs, VideoSource, outputs_of
 from robots.agent.config import AgentConfig, ConfigError
 from robots.agent.devices import words
+from robots.agent.devices.alsa import AlsaLoudspeaker, AlsaMicrophone
 from robots.agent.devices.camera import DeviceCamera
-from robots.agent.devices.loudspeaker import DeviceLoudspeaker
 from robots.agent.devices.microphone import DeviceMicrophone
 
 Device = TypeVar("Device")
@@ -35,9 +35,13 @@ def equipment_of(adapter: Adapter, config: AgentConfig) -> Equipment:
     speaker, display = outputs_of(adapter)
     return Equipment(
         video=FROM_PAGE if config.camera == FROM_PAGE else _device(config.camera, "camera", DeviceCamera, adapter.video),
-        audio=FROM_PAGE if config.microphone == FROM_PAGE else _device(config.microphone, "microphone", DeviceMicrophone, adapter.audio),
-        outputs=(_device(config.loudspeaker, "loudspeaker", DeviceLoudspeaker, lambda: speaker), display),
+        audio=FROM_PAGE if config.microphone == FROM_PAGE else _device(config.microphone, "microphone", _microphone, adapter.audio),
+        outputs=(_device(config.loudspeaker, "loudspeaker", AlsaLoudspeaker, lambda: speaker), display),
     )
+
+
+def _microphone(named: words.DeviceWords) -> AudioSource:
+    return AlsaMicrophone(named) if named.format == words.ALSA else DeviceMicrophone(named)
 
 
 def _device(said: str, kind: words.Kind, make: Callable[[words.DeviceWords], Device], otherwise: Callable[[], Device | None]) -> Device | None:

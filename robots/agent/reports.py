@@ -18,6 +18,7 @@ from robots.agent.times import Times
 from robots.api.messages import (
     AppliedCommand,
     CallState,
+    CameraStatus,
     Event,
     LabReport,
     Lease,
@@ -60,6 +61,7 @@ class Reports:
         screens: how many of the robot's own displays are connected.
         call: how the driver's call stands.
         networks: what is put on the driver's network, for commands and for the picture.
+        devices: how the camera is when it gives no video, and why devices do not work.
     """
 
     def __init__(
@@ -73,9 +75,11 @@ class Reports:
         screens: Callable[[], int] = int,
         call: Callable[[], CallState | None] = lambda: None,
         networks: Callable[[], tuple[LabReport | None, LabReport | None]] = lambda: (None, None),
+        devices: Callable[[], tuple[CameraStatus | None, tuple[str, ...]]] = lambda: (None, ()),
     ) -> None:
         self.boot, self._kernel, self._send, self._viewers, self._times = boot, kernel, send, viewers, times
         self._screens, self._call, self._networks = screens, call, networks
+        self._devices = devices
         self.reading = UNKNOWN
         self.errors: dict[str, str] = {}
         self._seq = 0
@@ -177,6 +181,7 @@ class Reports:
     def _build(self, now: float, lease: Lease | None) -> State:
         reading, kernel = self.reading, self._kernel
         control_network, video_network = self._networks()
+        camera_status, device_errors = self._devices()
         return State(
             stamp=self._times.unix(),
             boot=self.boot,
@@ -191,7 +196,7 @@ class Reports:
             mode=_mode(kernel),
             assist=kernel.assist.level,
             safety=self._safety(now),
-            errors=(*self.errors.values(), *reading.errors)[:ERRORS_KEPT],
+            errors=(*self.errors.values(), *reading.errors, *device_errors)[:ERRORS_KEPT],
             clearance=self._clearance,
             contacts=self._contacts,
             distance=self._distance,
@@ -205,6 +210,7 @@ class Reports:
             screens=self._screens(),
             control_network=control_network,
             video_network=video_network,
+            camera_status=camera_status,
         )
 
     def _safety(self, now: float) -> Safety:

@@ -5,7 +5,7 @@ from typing import Any, Protocol
 from robots.agent.adapters.contract import Frame
 from robots.agent.mqtt import Inbox
 from robots.api import codec, picture, topics
-from robots.api.messages import LabReport, Message, NetworkLab, PictureRequest, Pointer, Signal
+from robots.api.messages import CameraStatus, LabReport, Message, NetworkLab, PictureRequest, Pointer, Signal
 
 
 class Link(Protocol):
@@ -63,6 +63,14 @@ class Media(Protocol):
     @property
     def screens(self) -> int:
         """How many of the robot's own displays are connected."""
+
+    @property
+    def camera_status(self) -> CameraStatus | None:
+        """How the camera is while it is wanted and gives no video."""
+
+    @property
+    def errors(self) -> tuple[str, ...]:
+        """Why camera, microphone, loudspeaker and display do not work."""
 
     @property
     def network(self) -> LabReport | None:

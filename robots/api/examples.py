@@ -49,6 +49,7 @@ _STATE = m.State(
         lab=m.NetworkLab(delay=0.1, jitter=0.02, loss=0.01, reorder=0.005, seed=7), taken=400, lost=5, reordered=2, waiting=3, held=0.101
     ),
     video_network=m.LabReport(lab=m.NetworkLab(bitrate=4e5, seed=8), taken=9000, overflowed=41, held=0.05),
+    camera_status=m.CameraStatus(status="failed", reason="the camera rtsp://10.0.0.4 cannot be read: connection refused"),
 )
 _ASKED: dict[str, Any] = {"action_id": "a1", "stamp": _STAMP}
 _WHOLE: dict[str, Any] = {**_ASKED, "session": _SESSION, "epoch": 12}

@@ -184,6 +184,13 @@ class CallState(Message, frozen=True, kw_only=True):
     shares: bool = False
 
 
+class CameraStatus(Message, frozen=True, kw_only=True):
+    """A camera that gives no video: it is `starting`, which takes seconds, or has `failed`. `reason` is why it failed, now or the last time."""
+
+    status: Literal["starting", "failed"]
+    reason: Reason = ""
+
+
 class NetworkLab(Message, frozen=True, kw_only=True):
     """Impairments that a study puts on one direction; times in s, loss and reordering as shares, rate in bit/s.
 
@@ -254,6 +261,7 @@ class State(Message, frozen=True, kw_only=True):
     the driver asks for, `assist_why` says why in one word, and `assist_point` what it minds, in metres in the robot's frame.
     `call` says how far the driver's voice and face get, absent when the driver sends neither; `screens` how many pages show them.
     `control_network` and `video_network` are there while the robot makes the driver's network worse, as `config` told it to.
+    `camera_status` is there while the camera is wanted and gives no video, or gave none when it was wanted last; `errors` says why, too.
     """
 
     stamp: Stamp
@@ -283,6 +291,7 @@ class State(Message, frozen=True, kw_only=True):
     screens: Count = 0
     control_network: LabReport | None = None
     video_network: LabReport | None = None
+    camera_status: CameraStatus | None = None
 
 
 class PoseUpdate(Message, frozen=True, kw_only=True):

@@ -151,6 +151,7 @@ const TO_PAGE = {
         }),
       ),
       screens: optional(count, 0),
+      cameraStatus: absent(object({ status: oneOf("starting", "failed"), reason: optional(reason, "") })),
     }),
   ],
   words: [

@@ -138,8 +138,8 @@ export const createRounds = (page) => {
 
   /** When the way to server or robot does not come about, find out once what to tell the visitor. @param {number} now */
   const lookForTrouble = (now) => {
-    const { visit, playing, slow: bySlow, finding } = store.get();
-    const blind = roleOf(visit) !== "" && visit.online && (bySlow || !playing);
+    const { visit, playing, slow: bySlow, finding, robot } = store.get();
+    const blind = roleOf(visit) !== "" && visit.online && (bySlow || !playing) && !robot?.cameraStatus; // a camera is no network's fault
     if (visit.socket === "open" ? !blind : visit.phase === "closed") {
       troubledSince = 0;
       if (finding && playing) {

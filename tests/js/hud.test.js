@@ -211,6 +211,30 @@ describe("modules", () => {
 
 });
 
+describe("a camera that gives no video", () => {
+  const camera = (status, reason = "") => ({ robot: { ...ROBOT, cameraStatus: { status, reason } } });
+
+  test("is said to start while it does, though the link is there", () => {
+    assert.equal(cardFor(state({ phase: "driving", link: "live" }, camera("starting"))).word, "link");
+    assert.equal(cardFor(state({ phase: "driving", link: "live" }, { robot: ROBOT })), null);
+  });
+
+  test("is said with its reason when it has failed, and while it is tried again, instead of what a network may lack", () => {
+    for (const status of ["failed", "starting"]) {
+      const card = cardFor(state({ phase: "watching", link: "live" }, { ...camera(status, "connection refused"), finding: { word: "finding.relay" } }));
+      assert.deepEqual([card.word, card.detail], ["camera", { word: "camera.reason", values: { reason: "connection refused" } }]);
+      assert.ok(["camera.title", "camera.text", "camera.reason", "alert.camera"].every((key) => SENTENCES.has(key)));
+    }
+  });
+
+  test("is said over the last picture when it goes in the middle, and not while it only starts", () => {
+    const shown = (status, reason) => alertFor(state({ phase: "driving", link: "live" }, { ...camera(status, reason), playing: true }))?.word;
+    assert.equal(shown("failed", "connection refused"), "alert.camera");
+    assert.equal(shown("starting", "connection refused"), "alert.camera");
+    assert.notEqual(shown("starting", ""), "alert.camera");
+  });
+});
+
 describe("a picture that comes through the server", () => {
   const slow = (link, more = {}) => state({ phase: "driving", link }, { slow: true, playing: true, robot: ROBOT, ...more });
 

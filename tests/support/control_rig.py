@@ -26,6 +26,7 @@ class ListeningMedia:
         self.signals, self.drivers, self.told, self.wanted, self.pointed = [], [], [], [], []
         self.picture = Frame(np.random.default_rng(1).integers(0, 255, (48, 64, 3), dtype=np.uint8), 123.0)
         self.connected, self.screens, self.passing, self.network = 0, 0, [], None
+        self.camera_status, self.errors = None, ()
 
     def start(self):
         pass

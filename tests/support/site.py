@@ -220,11 +220,11 @@ class Site:
     def _begin_broker(self) -> None:
         self.start("broker", ["manage.py", "run_broker", "--host", LOOPBACK, "--port", str(self.mqtt_port)])
 
-    def start_robot(self, name: str, *simulator: str) -> Onlooker:
-        """Start a simulated robot and its agent, each in a process of its own, and return who sees the truth of it."""
+    def start_robot(self, name: str, *simulator: str, agent: tuple[str, ...] = ()) -> Onlooker:
+        """Start a simulated robot and its agent, each with these arguments in a process of its own, and return who sees the truth of it."""
         port = free_port()
         self.start(f"{name}-simulator", ["-m", "robots.agent.simulator", "--profile", name, "--listen", f"{LOOPBACK}:{port}", *simulator])
-        self.start(name, ["manage.py", "run_robot", name, "--var", str(self.var), "--option", f"address={LOOPBACK}:{port}"])
+        self.start(name, ["manage.py", "run_robot", name, "--var", str(self.var), "--option", f"address={LOOPBACK}:{port}", *agent])
         wait_for(lambda: self.robot_is_online(name), 30, f"{name} online")
         return Onlooker(port)
 

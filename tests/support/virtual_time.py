@@ -5,6 +5,7 @@ only inside `wait` and `sleep`, in the test's own thread, so that a test reads a
 """
 
 import asyncio
+import functools
 import selectors
 import time
 from collections.abc import Callable, Coroutine
@@ -143,3 +144,14 @@ class RealTime:
     @staticmethod
     def close() -> None:
         """Nothing is to be ended."""
+
+
+def on_virtual_time(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
+    """Run an async test on a loop whose clock jumps."""
+
+    @functools.wraps(test)
+    def run(*args: Any, **kwargs: Any) -> None:
+        with VirtualTime() as time:
+            time.run(test(*args, **kwargs))
+
+    return run

@@ -1,5 +1,6 @@
 """A camera whose pictures the control architecture publishes as JPEG or PNG: see contract.VideoSource."""
 
+import time
 from typing import Any
 
 import av
@@ -9,6 +10,7 @@ from robots.agent.adapters.contract import AdapterError, Frame
 from robots.agent.devices.camera import picture_of
 from robots.agent.devices.newest import Newest
 
+OPENING = 20.0  # s until the first picture: a publisher may be started by its first subscriber
 CODECS = {b"\xff\xd8": "mjpeg", b"\x89P": "png"}
 
 
@@ -20,11 +22,13 @@ class TopicCamera:
         self._newest: Newest[tuple[bytes, float]] = Newest()
         self._reformatter = VideoReformatter()
         self._decoders: dict[str, Any] = {}
+        self._awaited_since: float | None = None  # monotonic s, None once something came
         self.wanted = False
 
     def start(self) -> None:
         """Begin to take pictures; idempotent."""
         self._newest.put(None)
+        self._awaited_since = time.monotonic()
         self.wanted = True
 
     def stop(self) -> None:
@@ -39,11 +43,14 @@ class TopicCamera:
         """Block for the next picture, at most `timeout` seconds; None when there was none.
 
         Raises:
-            AdapterError: what is published is no picture.
+            AdapterError: what is published is no picture, or nothing is published.
         """
         newest = self._newest.take(timeout)
         if newest is None:
+            if self._awaited_since is not None and time.monotonic() - self._awaited_since > OPENING:
+                raise AdapterError(f"nobody publishes on {self._topic}: nothing came in {OPENING:g} s")
             return None
+        self._awaited_since = None
         data, stamp = newest
         try:
             return Frame(picture_of(self._decoded(data), self._reformatter), stamp, "yuv420p")

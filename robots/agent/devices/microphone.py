@@ -1,4 +1,4 @@
-"""A microphone by device, file or address, as the contract wants one: see adapters/contract.AudioSource."""
+"""A microphone by device, file or address that FFmpeg reads, as the contract wants one: see adapters/contract.AudioSource. Linux's own: alsa.py."""
 
 import threading
 from collections import deque

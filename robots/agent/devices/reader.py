@@ -4,11 +4,14 @@ Each start has a thread and a state of its own. A thread that does not come back
 still says counts for nothing.
 """
 
+import errno
 import itertools
 import logging
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from enum import Enum
 from typing import Any, Literal
 
 import av
@@ -18,11 +21,43 @@ from robots.agent.devices.words import DeviceWords
 
 log = logging.getLogger(__name__)
 
-PATIENCE = 0.5  # s to wait for the thread's end
-NETWORK_TIMEOUT = (5.0, 5.0)  # s to open an address, and to read from it
-CLOCKS_AGREE = 2.0  # s between a picture's own time and now, up to which its own is believed
-LEAP = 1.0  # s: a file whose times leap more is begun anew
 FAILURES = (av.FFmpegError, OSError, ValueError)
+
+
+@dataclass(frozen=True)
+class ReaderLimits:
+    """Times in seconds."""
+
+    network: float = 25.0  # FFmpeg's own, after all others: it says less about why
+    opening: float = 20.0  # to the first frame: cameras of the network take up to 3 to be opened, and up to 10 from one whole picture to the next
+    ending: float = 0.5  # to wait for the thread's end
+    clocks_agree: float = 2.0  # between a picture's own time and now, up to which its own is believed
+    leap: float = 1.0  # a file whose times leap more is begun anew
+
+
+LIMITS = ReaderLimits()
+
+
+class Stage(Enum):
+    """How far the opening of a device has come; the value says what is missing."""
+
+    CALLED = "does not answer"
+    OPENED = "answers and sends nothing"
+    SENDING = "has sent no key frame"
+    SHOWN = ""
+
+
+# Of FFmpeg's errors those that an owner can do something about, the special before the general.
+REASONS: tuple[tuple[type[Exception], str], ...] = (
+    (av.HTTPUnauthorizedError, "wrong user name or password (401)"),
+    (av.HTTPForbiddenError, "this user may not see it (403)"),
+    (av.HTTPNotFoundError, "it has no such stream (404)"),
+    (av.HTTPServerError, "it reports an error of its own (5XX)"),
+    (av.ConnectionRefusedError, "connection refused"),
+    (av.DecoderNotFoundError, "its codec is not known"),
+    (av.ExitError, "it does not answer"),
+)
+BROKEN = "input/output error: it was cut off, or TLS could not be agreed"  # FFmpeg's EIO
 
 Take = Callable[[Any, float], None]
 
@@ -35,10 +70,11 @@ class Reader:
         words: what to read.
         kind: which of its streams.
         take: called in the reader's thread with each decoded frame and the Unix time when it was captured.
+        limits: how long it may take.
     """
 
-    def __init__(self, name: str, words: DeviceWords, kind: Literal["video", "audio"], take: Take) -> None:
-        self.name, self.words, self.kind = name, words, kind
+    def __init__(self, name: str, words: DeviceWords, kind: Literal["video", "audio"], take: Take, limits: ReaderLimits = LIMITS) -> None:
+        self.name, self.words, self.kind, self.limits = name, words, kind, limits
         self._take = take
         self._run: _Run | None = None
 
@@ -53,14 +89,19 @@ class Reader:
         run, self._run = self._run, None
         if run is not None:
             run.ending.set()
-            run.thread.join(PATIENCE)
+            run.thread.join(self.limits.ending)
             if run.thread.is_alive():
-                log.warning("device_hangs name=%s address=%s", self.name, self.words.address)
+                log.warning("device_hangs name=%s address=%s", self.name, self.words.place)
 
     def check(self) -> None:
-        """Raise AdapterError with the reason when the device is gone."""
-        if self._run is not None and self._run.failure:
-            raise AdapterError(f"the {self.name} {self.words.address} {self._run.failure}")
+        """Raise AdapterError with the reason when the device is gone, or has taken too long to be opened."""
+        if self._run is None:
+            return
+        failure = self._run.failure
+        if not failure and self._run.stage is not Stage.SHOWN and time.monotonic() - self._run.began > self.limits.opening:
+            failure = f"{self._run.stage.value} within {self.limits.opening:g} s"
+        if failure:
+            raise AdapterError(f"the {self.name} {self.words.place} {failure}")
 
     @property
     def failed(self) -> bool:
@@ -70,6 +111,7 @@ class Reader:
     def deliver(self, run: "_Run", frame: Any, stamp: float) -> None:
         """Hand on what a run has read, unless it is one of before."""
         if run is self._run and not run.ending.is_set():
+            run.stage = Stage.SHOWN
             self._take(frame, stamp)
 
 
@@ -78,6 +120,8 @@ class _Run:
         self.reader = reader
         self.ending = threading.Event()
         self.failure = ""
+        self.stage = Stage.CALLED
+        self.began = time.monotonic()
         self.thread = threading.Thread(target=self._read, name=f"device-{reader.name}", daemon=True)
 
     def _read(self) -> None:
@@ -90,12 +134,13 @@ class _Run:
                 if self.failure or self.ending.is_set():
                     return
         except FAILURES as error:
-            self.failure = f"cannot be read: {_reason(error)}"
+            self.failure = f"cannot be read: {reason_of(error)}"
 
     def _read_once(self) -> bool:
         """Read to the end; tell whether there was anything."""
         words, some = self.reader.words, False
-        with av.open(words.address, format=words.format or None, options=words.options, timeout=NETWORK_TIMEOUT) as container:
+        limit = self.reader.limits.network
+        with av.open(words.address, format=words.format or None, options=words.options, timeout=(limit, limit)) as container:
             for frame, stamp in self._paced(self._frames(container)) if not words.live else self._as_they_come(self._frames(container)):
                 some = True
                 self.reader.deliver(self, frame, stamp)
@@ -105,22 +150,31 @@ class _Run:
         streams = container.streams.video if self.reader.kind == "video" else container.streams.audio
         if not streams:
             raise ValueError(f"there is no {self.reader.kind} in it")
-        for frame in container.decode(streams[0]):
+        if streams[0].codec_context is None:
+            raise ValueError("its codec is not known")
+        self.stage = Stage.OPENED
+        for packet in container.demux(streams[0]):
+            if self.stage is Stage.OPENED:
+                self.stage = Stage.SENDING
+            for frame in _decoded(packet):
+                if self.ending.is_set():
+                    return
+                yield frame
             if self.ending.is_set():
                 return
-            yield frame
 
     def _as_they_come(self, frames: Iterator[Any]) -> Iterator[tuple[Any, float]]:
         for frame in frames:
             now = time.time()
-            yield frame, frame.time if frame.time is not None and 0.0 <= now - frame.time < CLOCKS_AGREE else now
+            yield frame, frame.time if frame.time is not None and 0.0 <= now - frame.time < self.reader.limits.clocks_agree else now
 
     def _paced(self, frames: Iterator[Any]) -> Iterator[tuple[Any, float]]:
         """Give a file's frames at their times, without catching up on what a slow computer has missed."""
         began = last = None
+        leap = self.reader.limits.leap
         for frame in frames:
             at, now = frame.time or 0.0, time.monotonic()
-            if began is None or last is None or not 0.0 <= at - last < LEAP or now - (began + at) > LEAP:
+            if began is None or last is None or not 0.0 <= at - last < leap or now - (began + at) > leap:
                 began = now - at
             last = at
             if self.ending.wait(max(0.0, began + at - now)):
@@ -128,5 +182,19 @@ class _Run:
             yield frame, time.time()
 
 
-def _reason(error: Exception) -> str:
+def _decoded(packet: Any) -> Iterator[Any]:
+    """Give the frames in a packet. One that cannot be decoded lacks what was before it: who comes in the middle waits for the next key frame."""
+    try:
+        yield from packet.decode()
+    except av.InvalidDataError:
+        log.debug("packet_undecodable")
+
+
+def reason_of(error: Exception) -> str:
+    """Return why FFmpeg failed, in words for the robot's owner and without the address, which may have a password in it."""
+    for kind, reason in REASONS:
+        if isinstance(error, kind):
+            return reason
+    if getattr(error, "errno", None) == errno.EIO:
+        return BROKEN
     return getattr(error, "strerror", "") or str(error) or type(error).__name__

@@ -3,7 +3,7 @@
     /dev/video0                                    a camera of Linux
     v4l2:/dev/video0 video_size=1280x720 input_format=mjpeg
     rtsp://192.168.1.40/stream rtsp_transport=tcp  a camera of the network
-    alsa:default                                   the microphone, or the loudspeaker, of Linux
+    alsa:default                                   the microphone, or the loudspeaker, of Linux (see alsa.py)
     dshow:video=USB Camera                         a camera of Windows
     talk.mp4                                       a file, played in real time, over and over
 
@@ -13,18 +13,21 @@ What follows the address is given to FFmpeg as it is (https://ffmpeg.org/ffmpeg-
 import re
 from dataclasses import dataclass, field
 from typing import Literal
+from urllib.parse import urlsplit
 
 Kind = Literal["camera", "microphone", "loudspeaker"]
 
 DEVICES = frozenset({"v4l2", "alsa", "oss", "dshow", "avfoundation", "fbdev", "x11grab", "gdigrab"})
-SOUND_OUTPUTS = frozenset({"alsa", "oss"})
+SOUND = frozenset({"alsa", "oss"})
+ALSA = "alsa"
 GENERATORS = frozenset({"lavfi"})
 SCHEME = re.compile(r"^(rtsps?|rtmps?|https?|udp|tcp|rtp|srt)://", re.IGNORECASE)
 OPTION = re.compile(r"(?:\s+([a-z][a-z0-9_]*)=(\S+))$")
 DEFAULTS: dict[str, dict[str, str]] = {
     # The driver's clock tells when a picture was taken; without it only its arrival is known.
     "v4l2": {"ts": "abs", "video_size": "640x480", "framerate": "30"},
-    "rtsp": {"rtsp_transport": "tcp", "fflags": "nobuffer", "flags": "low_delay"},
+    # A camera describes its stream before it sends it: 0.1 s (in microseconds) and 100 kB to look into it are enough, FFmpeg's own 5 s cost 2.
+    "rtsp": {"rtsp_transport": "tcp", "fflags": "nobuffer", "flags": "low_delay", "analyzeduration": "100000", "probesize": "100000"},
     "http": {"fflags": "nobuffer", "flags": "low_delay"},
 }
 
@@ -41,6 +44,14 @@ class DeviceWords:
     format: str = ""
     options: dict[str, str] = field(default_factory=dict)
     live: bool = True
+
+    @property
+    def place(self) -> str:
+        """Return what sentences call it, which visitors may read: of an address no password, and no path or query that may have one in it."""
+        if not SCHEME.match(self.address):
+            return self.address
+        parts = urlsplit(self.address)
+        return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}"
 
 
 def read(words: str, kind: Kind) -> DeviceWords | None:
@@ -59,8 +70,12 @@ def read(words: str, kind: Kind) -> DeviceWords | None:
         form = "v4l2"
     if not address:
         raise DeviceWordsError(f"the {kind} {words!r} has no address after {form}:")
-    if kind == "loudspeaker" and form not in SOUND_OUTPUTS:
-        raise DeviceWordsError(f"the loudspeaker {words!r} is none: alsa:default, or another device of {' or '.join(sorted(SOUND_OUTPUTS))}")
+    if kind == "loudspeaker" and form != ALSA:
+        raise DeviceWordsError(f"the loudspeaker {words!r} is none: alsa:default, or another device of alsa")
+    if kind == "camera" and form in SOUND:
+        raise DeviceWordsError(f"the camera {words!r} is none: {form} has sound alone")
+    if form == ALSA and options:
+        raise DeviceWordsError(f"the {kind} {words!r} takes no {', '.join(sorted(options))}: rate and channels are converted as they must be")
     found = SCHEME.match(address)
     live = form in DEVICES or (not form and found is not None)
     usual = DEFAULTS.get(form or (found.group(1).lower().rstrip("s") if found else ""), {}) if kind == "camera" else {}

@@ -11,7 +11,9 @@ from robots.agent.media.encoder import LADDER, Picture, PictureEncoder, Tier, is
 from robots.agent.media.key_frames import KeyFrames, Reason
 from robots.agent.media.rtp import RtpClock
 
-SNAPSHOT_TIMEOUT = 3.0  # s; a camera that must be started first takes its time
+SNAPSHOT_TIMEOUT = 3.0  # s
+SNAPSHOT_STARTING = 12.0  # s, from a camera that must be started first: within what sessions/turnaround.py waits for a photo
+SNAPSHOT_LOOK = 0.25  # s between two looks whether it still starts
 
 
 class _Rung:
@@ -88,12 +90,15 @@ class CameraFeed:
         self._rungs[rung].ask(reason)
 
     def snapshot(self) -> Frame | None:
-        """Return the next frame of the camera, started for it if need be; None when none came in 3 s. Blocks meanwhile."""
+        """Return the next frame of the camera, started for it if need be; None when none came in 3 s, 12 while it starts. Blocks meanwhile."""
         with self._frame_came:
             before = self._frame
             self._capture.want(1)
+            began = time.monotonic()
             try:
-                came = self._frame_came.wait_for(lambda: self._frame is not before, timeout=SNAPSHOT_TIMEOUT)
+                while not (came := self._frame_came.wait_for(lambda: self._frame is not before, timeout=SNAPSHOT_LOOK)):
+                    if time.monotonic() - began > (SNAPSHOT_STARTING if self.state.status == "starting" else SNAPSHOT_TIMEOUT):
+                        break
             finally:
                 self._capture.want(-1)
             return self._frame if came else None

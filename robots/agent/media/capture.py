@@ -17,10 +17,20 @@ from robots.agent.adapters.contract import AdapterError
 
 log = logging.getLogger(__name__)
 
-LINGER = 1.0  # s a source runs on after the last viewer, so that a page that reconnects does not restart it
-STALL = 2.0  # s without anything read before a source counts as gone
-READ_TIMEOUT = 0.5  # s
-FIRST_RETRY, LAST_RETRY = 0.25, 5.0  # s
+
+@dataclass(frozen=True)
+class CaptureLimits:
+    """Times in seconds."""
+
+    opening: float = 25.0  # from its start to the first that is read: more than devices/reader.py takes, which knows better what is wrong
+    stall: float = 2.0  # between two that are read
+    linger: float = 1.0  # it runs on after the last viewer, so that a page that reconnects does not restart it
+    read: float = 0.5
+    first_retry: float = 0.25
+    last_retry: float = 5.0
+
+
+LIMITS = CaptureLimits()
 
 # What a source or an encoder may raise: the adapter's own word, the operating system's, a frame of the wrong shape, FFmpeg's.
 FAILURES = (AdapterError, OSError, ValueError, av.FFmpegError)
@@ -38,7 +48,10 @@ class Source(Protocol):
 
 @dataclass(frozen=True)
 class CaptureState:
-    """How a source is: `idle` (nobody wants it), `starting`, `live`, or `failed` with the reason."""
+    """How a source is: `idle` (nobody wants it), `starting`, `live`, or `failed`.
+
+    `reason` is why it failed, and why it did the last time while it starts again.
+    """
 
     status: Literal["idle", "starting", "live", "failed"]
     reason: str = ""
@@ -52,12 +65,14 @@ class Capture:
         source: the camera or microphone.
         begin: called before each start, to open a fresh encoder.
         step: reads once, at most the given seconds, and uses what it read; False when there was nothing.
+        limits: how long it may take.
 
     `begin` and `step` run in the capture's own thread and may raise any of FAILURES.
     """
 
-    def __init__(self, name: str, source: Source, begin: Callable[[], None], step: Callable[[float], bool]) -> None:
+    def __init__(self, name: str, source: Source, begin: Callable[[], None], step: Callable[[float], bool], limits: CaptureLimits = LIMITS) -> None:
         self._name = name
+        self._limits = limits
         self._source = source
         self._begin = begin
         self._step = step
@@ -99,17 +114,18 @@ class Capture:
             self._changed.notify_all()
 
     def _run(self) -> None:
-        delay = FIRST_RETRY
+        limits = self._limits
+        delay = limits.first_retry
         while self._wait_until_wanted():
             try:
-                self._set_state("starting")
+                self._set_state("starting", self._state.reason)
                 self._begin()
                 self._source.start()
                 self._read_while_wanted()
-                delay = FIRST_RETRY
+                delay = limits.first_retry
                 self._set_state("idle")
             except FAILURES as error:
-                delay = FIRST_RETRY if self._state.status == "live" else min(delay * 2, LAST_RETRY)
+                delay = limits.first_retry if self._state.status == "live" else min(delay * 2, limits.last_retry)
                 self._set_state("failed", str(error) or type(error).__name__)
             finally:
                 self._stop_source()
@@ -117,13 +133,14 @@ class Capture:
                 self._pause(delay)
 
     def _read_while_wanted(self) -> None:
-        heard = time.monotonic()
-        while not self._closing and (self._wanted > 0 or time.monotonic() - self._unwanted_since < LINGER):
-            if self._step(READ_TIMEOUT):
-                heard = time.monotonic()
+        limits = self._limits
+        heard, patience = time.monotonic(), limits.opening
+        while not self._closing and (self._wanted > 0 or time.monotonic() - self._unwanted_since < limits.linger):
+            if self._step(limits.read):
+                heard, patience = time.monotonic(), limits.stall
                 self._set_state("live")
-            elif time.monotonic() - heard > STALL:
-                raise AdapterError(f"the {self._name} gave nothing for {STALL:g} s")
+            elif time.monotonic() - heard > patience:
+                raise AdapterError(f"the {self._name} gave nothing for {patience:g} s")
 
     def _stop_source(self) -> None:
         try:

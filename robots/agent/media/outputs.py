@@ -1,12 +1,14 @@
 """The robot's own loudspeaker and display: what the visitor sends, decoded in a thread of its own.
 
 Decoding takes milliseconds, and a loudspeaker may block: neither belongs on an event loop. What cannot be played in time is dropped, the
-rest of its pictures with it until the next key frame: late words are worthless, and a picture with holes is rubbish.
+rest of its pictures with it until the next key frame: late words are worthless, and a picture with holes is rubbish. A device that fails is
+let go of, and tried again while something comes for it, after a pause that grows.
 """
 
 import logging
 import queue
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -21,6 +23,8 @@ log = logging.getLogger(__name__)
 DEPTH = 25  # sounds and pictures that wait: half a second of sound
 IDLE = 2.0  # s without anything after which loudspeaker and display rest
 CLOSE_TIMEOUT = 3.0  # s
+FIRST_RETRY, LAST_RETRY = 0.5, 5.0  # s
+STEADY = 1.0  # s after which a device that was opened works: some say only later that they cannot
 FAILURES = (AdapterError, av.FFmpegError, OSError, ValueError)
 
 
@@ -38,7 +42,13 @@ class OutputFeed:
         self._waiting: queue.Queue[tuple[str, bytes] | None] = queue.Queue(DEPTH)
         self._whole = False  # the pictures in the queue begin with a key frame and have no hole
         self._thread = threading.Thread(target=self._run, name="outputs", daemon=True)
+        self._players: dict[str, _Player] = {}
         self.dropped = 0
+
+    @property
+    def errors(self) -> tuple[str, ...]:
+        """Return why loudspeaker and display did not work when they were last used, a sentence for each that did not."""
+        return tuple(player.failure for player in tuple(self._players.values()) if player.failure)
 
     def start(self) -> None:
         """Start the thread; loudspeaker and display start with the first thing for them."""
@@ -76,23 +86,23 @@ class OutputFeed:
     # --- the thread --------------------------------------------------------------------------------------------------
 
     def _run(self) -> None:
-        players: dict[str, _Player] = {}
         while True:
             try:
                 what = self._waiting.get(timeout=IDLE)
             except queue.Empty:
-                _rest(players)
+                self._rest()
                 continue
             if what is None:
-                _rest(players)
+                self._rest()
                 return
             kind, data = what
-            try:
-                if kind not in players:
-                    players[kind] = self._player(kind)
-                players[kind].play(data)
-            except FAILURES as error:
-                log.warning("visitor_output_failed kind=%s reason=%s", kind, error)
+            if kind not in self._players:
+                self._players[kind] = self._player(kind)
+            self._players[kind].play(data)
+
+    def _rest(self) -> None:
+        for player in self._players.values():
+            player.rest()
 
     def _player(self, kind: str) -> "_Player":
         if kind == "audio":
@@ -113,23 +123,59 @@ class OutputFeed:
 
 
 class _Player:
-    """A decoder and the device behind it, started for the first thing that comes."""
+    """A decoder and the device behind it, started for the first thing that comes. Nothing that they raise leaves it."""
 
     def __init__(self, codec: str, device: Speaker | Display, give: Callable[[Any], None]) -> None:
         self._decoder = _decoder(codec)
         self._device, self._give, self._running = device, give, False
+        self._since = float("-inf")
+        self._retry_at = float("-inf")
+        self._pause = FIRST_RETRY
+        self.failure = ""
 
     def play(self, data: bytes) -> None:
-        if not self._running:
-            self._device.start()
-            self._running = True
-        for frame in self._decoder.decode(av.Packet(data)):
-            self._give(frame)
+        try:
+            # Decoded also while the device pauses: what comes after builds on it.
+            frames = self._decoder.decode(av.Packet(data))
+        except FAILURES as error:
+            log.warning("visitor_output_undecodable codec=%s reason=%s", self._decoder.name, error)
+            return
+        if time.monotonic() < self._retry_at:
+            return
+        try:
+            self._start()
+            for frame in frames:
+                self._give(frame)
+        except FAILURES as error:
+            self._failed(str(error) or type(error).__name__)
+        else:
+            self._works()
 
     def rest(self) -> None:
         if self._running:
             self._running = False
-            self._device.stop()
+            try:
+                self._device.stop()
+            except FAILURES as error:
+                log.warning("visitor_output_stop_failed codec=%s reason=%s", self._decoder.name, error)
+
+    def _start(self) -> None:
+        if not self._running:
+            self._device.start()
+            self._running = True
+            self._since = time.monotonic()
+
+    def _works(self) -> None:
+        if self.failure and time.monotonic() - self._since > STEADY:
+            self.failure = ""
+            self._pause = FIRST_RETRY
+
+    def _failed(self, reason: str) -> None:
+        log.warning("visitor_output_failed codec=%s reason=%s retry=%.1f", self._decoder.name, reason, self._pause)
+        self.failure = reason
+        self._retry_at = time.monotonic() + self._pause
+        self._pause = min(self._pause * 2, LAST_RETRY)
+        self.rest()
 
 
 def _decoder(codec: str) -> Any:
@@ -137,11 +183,6 @@ def _decoder(codec: str) -> Any:
     if codec == "libopus":
         decoder.sample_rate, decoder.layout = AUDIO_RATE, "mono"
     return decoder
-
-
-def _rest(players: dict[str, _Player]) -> None:
-    for player in players.values():
-        player.rest()
 
 
 def _mono(frame: av.AudioFrame) -> Any:

@@ -13,7 +13,7 @@ from av.video.reformatter import VideoReformatter
 
 from robots.agent.adapters.contract import Frame
 from robots.agent.devices.camera import picture_of
-from robots.agent.media.capture import STALL, CaptureState
+from robots.agent.media.capture import LIMITS, CaptureState
 from robots.agent.media.encoder import Picture
 from robots.agent.media.key_frames import KeyFrames, Reason
 from robots.agent.media.rtp import VIDEO_RATE, vp8_payloads
@@ -21,7 +21,8 @@ from robots.agent.media.visitor import ROUND, STEP, Continuous
 
 SNAPSHOT_TIMEOUT, SNAPSHOT_ASKS = 3.0, 6  # s, and how often a whole picture is asked for in that time
 DRIFT = 0.001  # by which two clocks may differ; the fastest picture of long ago is forgotten as fast
-MISSING = "no page of the robot's screen gives one"
+MISSING_VIDEO, MISSING_SOUND = "no page of the robot's screen gives video", "no page of the robot's screen gives sound"
+OPENING = 5.0  # s in which the page of the robot's screen begins to give what somebody wants
 
 
 class PageCamera:
@@ -42,15 +43,14 @@ class PageCamera:
         self._source = ""
         self._viewers = 0
         self._heard_at = float("-inf")
+        self._wanted_since = float("-inf")
         self._whole: bytes | None = None
         self._whole_came = threading.Condition()
 
     @property
     def state(self) -> CaptureState:
         """Return how it is."""
-        if time.monotonic() - self._heard_at < STALL:
-            return CaptureState("live")
-        return CaptureState("failed", MISSING) if self._viewers > 0 else CaptureState("idle")
+        return _state(self._heard_at, self._wanted_since if self._viewers > 0 else None, MISSING_VIDEO)
 
     def start(self) -> None:
         """Nothing to begin: the page gives what it gives."""
@@ -60,6 +60,8 @@ class PageCamera:
 
     def watch(self, number: int, rung: int = 0) -> None:  # noqa: ARG002 -- there is one
         """Note that `number` more watch, fewer when negative."""
+        if self._viewers == 0:
+            self._wanted_since = time.monotonic()
         self._viewers += number
 
     def ask_key_frame(self, reason: Reason, rung: int = 0) -> None:  # noqa: ARG002 -- as above
@@ -101,7 +103,7 @@ class PageCamera:
     def _stamp(self, seconds: float) -> float:
         now = time.time()
         ahead = now - seconds
-        if self._ahead is not None and 0.0 <= ahead - self._ahead[1] < STALL:
+        if self._ahead is not None and 0.0 <= ahead - self._ahead[1] < LIMITS.stall:
             ahead = min(ahead, self._ahead[1] + DRIFT * max(0.0, now - self._ahead[0]))
         self._ahead = now, ahead
         return ahead + seconds
@@ -119,13 +121,12 @@ class PageMicrophone:
         self._clock = Continuous(STEP["audio"])
         self._listeners = 0
         self._heard_at = float("-inf")
+        self._wanted_since = float("-inf")
 
     @property
     def state(self) -> CaptureState:
         """Return how it is."""
-        if time.monotonic() - self._heard_at < STALL:
-            return CaptureState("live")
-        return CaptureState("failed", MISSING) if self._listeners > 0 else CaptureState("idle")
+        return _state(self._heard_at, self._wanted_since if self._listeners > 0 else None, MISSING_SOUND)
 
     def start(self) -> None:
         """Nothing to begin: the page gives what it gives."""
@@ -135,9 +136,21 @@ class PageMicrophone:
 
     def listen(self, number: int) -> None:
         """Note that `number` more listen, fewer when negative."""
+        if self._listeners == 0:
+            self._wanted_since = time.monotonic()
         self._listeners += number
 
     def take(self, source: str, data: bytes, ticks: int) -> None:
         """Take an encoded sound of a connection; `ticks` are its own."""
         self._heard_at = time.monotonic()
         self._deliver(data, self._clock.tick(source, ticks))
+
+
+def _state(heard_at: float, wanted_since: float | None, missing: str) -> CaptureState:
+    """Return how it is: something was heard at `heard_at`, somebody wants it since `wanted_since` or nobody does; monotonic seconds."""
+    now = time.monotonic()
+    if now - heard_at < LIMITS.stall:
+        return CaptureState("live")
+    if wanted_since is None:
+        return CaptureState("idle")
+    return CaptureState("starting") if now - wanted_since < OPENING else CaptureState("failed", missing)

@@ -33,12 +33,13 @@ from robots.agent.media.telemetry import for_page
 from robots.agent.media.viewer import Viewer
 from robots.agent.media.visitor import VisitorMedia
 from robots.api.codec import encode_frame
-from robots.api.messages import Heartbeat, LabReport, Message, NetworkLab, PictureRequest, Pointer, Role, Signal, SignalReply
+from robots.api.messages import CameraStatus, Heartbeat, LabReport, Message, NetworkLab, PictureRequest, Pointer, Role, Signal, SignalReply
 
 log = logging.getLogger(__name__)
 
 HOUSEKEEPING = 1.0  # s
 CLOSE_TIMEOUT = 5.0  # s
+REASON_LENGTH = 300  # characters: messages.Reason
 
 
 class MediaSide:
@@ -173,6 +174,20 @@ class MediaSide:
     def camera(self) -> CaptureState | None:
         """Return how the camera is, None when the robot has none."""
         return self._camera.state if self._camera else None
+
+    @property
+    def camera_status(self) -> CameraStatus | None:
+        """Return what pages are told of the camera: nothing while it works or nobody wants it."""
+        state = self.camera
+        if state is None or state.status not in {"starting", "failed"}:
+            return None
+        return CameraStatus(status="failed" if state.status == "failed" else "starting", reason=state.reason[:REASON_LENGTH])
+
+    @property
+    def errors(self) -> tuple[str, ...]:
+        """Return why camera, microphone, loudspeaker and display do not work, a sentence each."""
+        captured = tuple(state.reason for state in (self.camera, self.microphone) if state is not None and state.reason)
+        return tuple(reason[:REASON_LENGTH] for reason in (*captured, *(self._outputs.errors if self._outputs is not None else ())))
 
     @property
     def microphone(self) -> CaptureState | None:

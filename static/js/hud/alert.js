@@ -43,9 +43,12 @@ const robotAlert = ({ visit, robot }) => {
 };
 
 /** @param {import("../state.js").State} state @returns {ReturnType<typeof alertFor>} */
-const linkAlert = ({ visit, roundTrip, slow, playing, stuck }) => {
+const linkAlert = ({ visit, robot, roundTrip, slow, playing, stuck }) => {
   if (visit.link === "lost" && !(slow && playing)) {
     return { word: visit.phase === "driving" ? "alert.link_driver" : "alert.link_observer", tone: "busy" };
+  }
+  if (robot?.cameraStatus?.reason && playing) {
+    return { word: "alert.camera", tone: "danger" };
   }
   if (stuck) {
     return null;

@@ -155,10 +155,17 @@ const lobby = ({ visit, room }) => {
   return { word: "lobby", main: { action: "drive", word: "do.drive" }, other };
 };
 
-/** The first picture is on its way; a link that is lost has its banner instead, so that the last picture stays in sight, until it is known why. */
+/**
+ * Video has not begun: the link is made, or the camera starts, or why it does not. A link that is lost has its banner instead, so that the
+ * last picture stays in sight, until it is known why.
+ */
 const link = (/** @type {import("../state.js").State} */ state) => {
-  if (!roleOf(state.visit) || state.playing || (state.visit.link !== "connecting" && !state.finding)) {
+  const camera = state.robot?.cameraStatus;
+  if (!roleOf(state.visit) || state.playing || (state.visit.link !== "connecting" && !state.finding && !camera)) {
     return null;
   }
-  return { word: "link", busy: true, detail: state.finding };
+  if (camera?.reason) {
+    return { word: "camera", busy: true, detail: { word: "camera.reason", values: { reason: camera.reason } } };
+  }
+  return { word: "link", busy: true, detail: camera ? null : state.finding };
 };

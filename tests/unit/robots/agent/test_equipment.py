@@ -8,8 +8,8 @@ from robots.agent.adapters import registry
 from robots.agent.adapters.contract import FROM_PAGE
 from robots.agent.agent import factsheet_of
 from robots.agent.config import ConfigError, load
+from robots.agent.devices.alsa import AlsaLoudspeaker, AlsaMicrophone
 from robots.agent.devices.camera import DeviceCamera
-from robots.agent.devices.loudspeaker import DeviceLoudspeaker
 from robots.agent.devices.microphone import DeviceMicrophone
 from robots.agent.equipment import equipment_of
 
@@ -32,9 +32,10 @@ def test_devices_are_named_by_command_line_environment_and_file(giraff, tmp_path
     path.write_text('loudspeaker = "alsa:hw:1"\n')
     equipment, _ = equipped(giraff, camera="/dev/video0", credentials=path)
     assert isinstance(equipment.video, DeviceCamera)
-    assert isinstance(equipment.audio, DeviceMicrophone)
-    assert isinstance(equipment.outputs[0], DeviceLoudspeaker)
+    assert isinstance(equipment.audio, AlsaMicrophone)
+    assert isinstance(equipment.outputs[0], AlsaLoudspeaker)
     assert equipment.outputs[1] is None
+    assert isinstance(equipped(giraff, microphone="talk.mp4")[0].audio, DeviceMicrophone)
 
 
 def test_a_named_camera_is_in_the_factsheet_with_where_it_looks(giraff):

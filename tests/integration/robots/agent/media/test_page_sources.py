@@ -7,7 +7,7 @@ import pytest
 
 from robots.agent.adapters.contract import FROM_PAGE
 from robots.agent.media import MediaSide
-from robots.agent.media.page_sources import MISSING
+from robots.agent.media.page_sources import MISSING_VIDEO
 from robots.agent.pixels import video_frame
 from tests.support.loopback_peer import Exchange, LoopbackPage, until
 from tests.support.visitor_tracks import SpeakingPage
@@ -58,7 +58,8 @@ def shows(page: LoopbackPage, colour: tuple[int, int, int]) -> bool:
 
 async def test_what_the_robots_page_sees_and_hears_reaches_who_watches_before_and_after(robot) -> None:
     before = await robot.viewer("before")
-    assert robot.media.camera.reason == MISSING
+    assert robot.media.camera.status == "starting"
+    await until(lambda: robot.media.camera.reason == MISSING_VIDEO and MISSING_VIDEO in robot.media.errors, what="why there is none")
     await robot.screen("screen", GREEN)
     after = await robot.viewer("after")
     await until(lambda: shows(before, GREEN) and shows(after, GREEN), what="its picture")

@@ -6,7 +6,7 @@ import av
 import numpy as np
 import pytest
 
-from robots.agent.adapters import ros_words
+from robots.agent.adapters import ros_words, topic_camera
 from robots.agent.adapters.contract import AdapterError
 from robots.agent.adapters.topic_camera import TopicCamera
 from tests.support.picture_server import jpeg_of
@@ -50,3 +50,16 @@ def test_what_is_no_picture_is_said_in_a_sentence_and_the_next_one_is_shown(rubb
 def test_a_message_without_bytes_is_refused(data):
     with pytest.raises(ros_words.RosError, match="no picture"):
         ros_words.picture_in({"data": data})
+
+
+def test_a_topic_on_which_nothing_comes_is_said_and_what_begins_late_is_shown(monkeypatch):
+    monkeypatch.setattr(topic_camera, "OPENING", 0.05)
+    camera = TopicCamera("/camera")
+    for _ in range(2):
+        camera.start()
+        with pytest.raises(AdapterError, match=r"nobody publishes on /camera: nothing came in 0\.05 s"):
+            [camera.read(0.03) for _ in range(60)]
+        camera.take(jpeg_of(255), 1.0)
+        assert camera.read(0.0).stamp == 1.0
+        assert camera.read(0.1) is None
+        camera.stop()

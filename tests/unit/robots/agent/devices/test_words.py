@@ -34,8 +34,32 @@ def test_what_is_played_and_what_is_drawn_is_not_live():
 
 
 @pytest.mark.parametrize(
-    ("words", "kind"), [("v4l2:", "camera"), ("alsa: channels=1", "microphone"), ("talk.mp4", "loudspeaker"), ("v4l2:/dev/video0", "loudspeaker")]
+    ("words", "kind"),
+    [
+        ("v4l2:", "camera"),
+        ("alsa:default", "camera"),
+        ("oss:/dev/dsp", "camera"),
+        ("alsa: channels=1", "microphone"),
+        ("alsa:default channels=1", "microphone"),
+        ("alsa:default buffer=1", "loudspeaker"),
+        ("talk.mp4", "loudspeaker"),
+        ("v4l2:/dev/video0", "loudspeaker"),
+    ],
 )
 def test_what_cannot_be_is_said_in_a_sentence(words, kind):
     with pytest.raises(DeviceWordsError, match=f"the {kind} "):
         read(words, kind)
+
+
+@pytest.mark.parametrize(
+    ("words", "place"),
+    [
+        ("rtsp://ana:hunter2@10.0.0.4:554/live?password=hunter2", "rtsp://10.0.0.4:554"),
+        ("http://10.0.0.4/user=ana&password=hunter2.mjpg", "http://10.0.0.4"),
+        ("rtsp://ana:hun@ter2@[fe80::1]:554/live", "rtsp://[fe80::1]:554"),
+        ("/dev/video0", "/dev/video0"),
+        ("talk.mp4", "talk.mp4"),
+    ],
+)
+def test_what_a_sentence_calls_a_device_has_no_password_in_it(words, place):
+    assert read(words, "camera").place == place

@@ -1,0 +1,264 @@
+"""Microphone and loudspeaker of Linux through arecord and aplay, as the contract wants them: see adapters/contract.
+
+A child process for each, and not FFmpeg's own ALSA. The one in PyAV's wheel has its folders compiled in under the temporary directory, where
+anybody may put a configuration, and code for it to load; and pointed at the system's plug-ins it hands them structures of another version of
+libasound. alsa-utils belongs to the system's libasound. A program that hangs is ended, and one that crashes leaves the robot driving.
+
+    https://www.alsa-project.org/alsa-doc/alsa-lib/pcm_plugins.html -- what `plug` is: any device, in our rate and number of channels
+"""
+
+import logging
+import os
+import select
+import subprocess
+import time
+from dataclasses import dataclass
+from typing import IO, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from robots.agent.adapters.contract import AdapterError
+from robots.agent.devices.words import DeviceWords
+
+log = logging.getLogger(__name__)
+
+RATE, BLOCK = 48_000, 960  # samples a second, and in 20 ms
+WIDTH = 2  # bytes a sample, S16_LE
+PACKAGES = "alsa-utils libasound2-plugins"
+CARDS = ("default", "pulse", "pipewire", "hw:")  # of what `arecord -L` lists: names of devices, and none of converters
+# What arecord and aplay (alsa-utils, aplay/aplay.c) say last, in words for the robot's owner.
+REASONS = {
+    "No such file or directory": "there is no such device",
+    "No such device": "there is no such device",
+    "Device or resource busy": "another program uses it",
+    "Connection refused": "the sound server does not run",
+    "Input/output error": "it is gone",
+    "Unable to install hw params": "it cannot be opened",
+    "Permission denied": "the agent's user may not use it: add the user to the group audio",
+}
+
+
+@dataclass(frozen=True)
+class AlsaLimits:
+    """Times in seconds, sizes in samples."""
+
+    device_buffer: float = 0.1  # what the device keeps, each way
+    period: float = 0.02
+    waiting: int = 10 * BLOCK  # recorded and not fetched: more is dropped, the oldest first
+    pipe: int = 2048  # written and not played: the smallest pipe that Linux makes, 43 ms
+    opening: float = 5.0  # a sound server that wakes a device needs seconds
+    full: float = 1.0  # a device that is open and takes nothing for so long hangs
+    ending: float = 0.5  # to play what is left, and to end
+    listing: float = 3.0  # to name the devices that there are
+
+
+LIMITS = AlsaLimits()
+Program = Literal["arecord", "aplay"]
+
+
+class AlsaMicrophone:
+    """See contract.AudioSource. Belongs to one thread."""
+
+    def __init__(self, words: DeviceWords) -> None:
+        self._words = words
+        self._child: _Child | None = None
+        self._recorded = bytearray()
+
+    def start(self) -> None:
+        """Begin to capture; idempotent.
+
+        Raises:
+            AdapterError: the program that does it is not there.
+        """
+        if self._child is None:
+            self._recorded.clear()
+            self._child = _Child("arecord", "microphone", self._words.address)
+
+    def stop(self) -> None:
+        """Stop capturing; idempotent."""
+        child, self._child = self._child, None
+        if child is not None:
+            child.end()
+
+    def read(self, timeout: float) -> npt.NDArray[np.int16] | None:
+        """Block for the next 20 ms, (960,), at most `timeout` seconds; None when there was nothing.
+
+        Raises:
+            AdapterError: the microphone is gone.
+        """
+        if self._child is None:
+            return None
+        deadline = time.monotonic() + timeout
+        while len(self._recorded) < BLOCK * WIDTH:
+            if not self._child.is_ready(max(0.0, deadline - time.monotonic())):
+                return None
+            self._recorded += self._child.read()
+        late = len(self._recorded) - LIMITS.waiting * WIDTH
+        if late > 0:
+            del self._recorded[: late // WIDTH * WIDTH]
+        block = np.frombuffer(bytes(self._recorded[: BLOCK * WIDTH]), "<i2").astype(np.int16)
+        del self._recorded[: BLOCK * WIDTH]
+        return block
+
+
+class AlsaLoudspeaker:
+    """See contract.Speaker. Belongs to one thread."""
+
+    def __init__(self, words: DeviceWords) -> None:
+        self._words = words
+        self._child: _Child | None = None
+
+    def start(self) -> None:
+        """Open the device; idempotent. What is wrong with it is known when it is played to.
+
+        Raises:
+            AdapterError: the program that does it is not there.
+        """
+        if self._child is None:
+            self._child = _Child("aplay", "loudspeaker", self._words.address)
+
+    def stop(self) -> None:
+        """Play what is left and let go of the device; idempotent."""
+        child, self._child = self._child, None
+        if child is not None:
+            child.end()
+
+    def play(self, samples: npt.NDArray[np.int16]) -> None:
+        """Play samples, (n,): mono, 48 kHz. Waits while the device has enough.
+
+        Raises:
+            AdapterError: it is gone.
+        """
+        if self._child is None:
+            raise AdapterError(f"the loudspeaker {self._words.address} is not open")
+        self._child.write(samples.astype("<i2").tobytes())
+
+
+class _Child:
+    """A running arecord or aplay; what it has to say about its device is kept.
+
+    Raises:
+        AdapterError: there is no such program.
+    """
+
+    def __init__(self, program: Program, name: str, address: str) -> None:
+        self._program, self._name, self._address = program, name, address
+        self._said = b""
+        self._began = time.monotonic()
+        command = (
+            program, "--quiet", "--device", f"plug:'{address}'", "--file-type", "raw", "--format", "S16_LE", "--rate", str(RATE), "--channels", "1",
+            "--buffer-time", f"{LIMITS.device_buffer * 1e6:.0f}", "--period-time", f"{LIMITS.period * 1e6:.0f}",
+        )  # fmt: skip
+        records = program == "arecord"
+        try:
+            self._process = subprocess.Popen(  # noqa: S603 -- the owner's words are one argument of alsa-utils
+                command,
+                stdin=subprocess.DEVNULL if records else subprocess.PIPE,
+                stdout=subprocess.PIPE if records else subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                bufsize=0,
+                pipesize=-1 if records else LIMITS.pipe * WIDTH,
+                env={**os.environ, "LC_ALL": "C"},
+                process_group=0,  # Ctrl-C is for the agent, which ends it in its own time
+            )
+        except FileNotFoundError as error:
+            raise AdapterError(f"the {name} {address} cannot be used: {program} is not there; sudo apt install {PACKAGES}") from error
+        except OSError as error:
+            raise AdapterError(f"the {name} {address} cannot be used: {error.strerror}") from error
+        assert self._process.stderr is not None
+        os.set_blocking(self._process.stderr.fileno(), False)
+        if self._process.stdin is not None:
+            os.set_blocking(self._process.stdin.fileno(), False)
+
+    def is_ready(self, timeout: float) -> bool:
+        """Tell whether something was recorded, or the program has ended, within `timeout` seconds."""
+        return bool(select.select([_file(self._process.stdout)], [], [], timeout)[0])
+
+    def read(self) -> bytes:
+        """Return what was recorded.
+
+        Raises:
+            AdapterError: the program has ended.
+        """
+        self._listen()
+        data = os.read(_file(self._process.stdout).fileno(), LIMITS.waiting * WIDTH)
+        if not data:
+            raise self._gone()
+        return data
+
+    def write(self, data: bytes) -> None:
+        """Give it this to play; waits while it has enough.
+
+        Raises:
+            AdapterError: the program has ended, or takes nothing.
+        """
+        left = memoryview(data)
+        while left:
+            self._listen()
+            patience = max(LIMITS.full, self._began + LIMITS.opening - time.monotonic())
+            if not select.select([], [_file(self._process.stdin)], [], patience)[1]:
+                raise AdapterError(f"the {self._name} {self._address} takes nothing")
+            try:
+                left = left[os.write(_file(self._process.stdin).fileno(), left) :]
+            except BlockingIOError:
+                continue
+            except BrokenPipeError as error:
+                raise self._gone() from error
+
+    def end(self) -> None:
+        """End it, by itself when it will."""
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+        else:
+            self._process.terminate()
+        try:
+            self._process.wait(LIMITS.ending)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._wait()
+        for file in (self._process.stdout, self._process.stderr):
+            if file is not None:
+                file.close()
+
+    def _wait(self) -> None:
+        try:
+            self._process.wait(LIMITS.ending)
+        except subprocess.TimeoutExpired:
+            log.warning("device_hangs name=%s address=%s", self._name, self._address)
+
+    def _listen(self) -> None:
+        """Keep the end of what it says; a full pipe would stop it."""
+        assert self._process.stderr is not None
+        try:
+            while said := os.read(self._process.stderr.fileno(), 4096):
+                self._said = (self._said + said)[-4096:]
+        except BlockingIOError:
+            pass
+
+    def _gone(self) -> AdapterError:
+        self._wait()
+        self._listen()
+        reason = reason_in(self._said.decode(errors="replace")) or f"{self._program} has ended"
+        return AdapterError(f"the {self._name} {self._address} cannot be used: {reason}; there are: {', '.join(devices(self._program)) or 'none'}")
+
+
+def reason_in(said: str) -> str:
+    """Return the reason in what arecord or aplay said last, empty when it said none: `aplay: main:831: audio open error: Device or resource busy`."""
+    lines = [line for line in said.splitlines() if line.startswith(("arecord: ", "aplay: "))]
+    reason = lines[-1].rpartition(": ")[2].strip(" :") if lines else ""
+    return REASONS.get(reason, reason)
+
+
+def devices(program: Program) -> tuple[str, ...]:
+    """Return the names of the devices that there are, those that a person would choose; none when nobody says."""
+    try:
+        said = subprocess.run((program, "-L"), capture_output=True, text=True, timeout=LIMITS.listing, check=False).stdout  # noqa: S603 -- a fixed list
+    except (OSError, subprocess.TimeoutExpired):
+        return ()
+    return tuple(line for line in said.splitlines() if line.startswith(CARDS))
+
+
+def _file(file: IO[bytes] | None) -> IO[bytes]:
+    assert file is not None
+    return file
