@@ -6,7 +6,6 @@ The first half runs in the process that a command was given to, at real time and
 import asyncio
 import json
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -31,7 +30,7 @@ from experiments.definition import Study as Definition
 from experiments.models import Drive, Kind, Study
 from experiments.publishing import obstacles_here
 from experiments.rehearsal import Report, judge
-from telepresence_site.demo.children import die_with_parent
+from robots.processes import tied_to_parent
 from telepresence_site.rehearsing import sandbox
 
 ORDERS, FINDINGS, PACE = "orders.json", "findings.json", "pace"
@@ -83,10 +82,9 @@ def play(study: Study, orders: Orders, folder: Path, told: Callable[[str], None]
     pace = Pace(folder / PACE)
     environment = pace.environment(sandbox.environment(folder, {**os.environ, "DJANGO_SETTINGS_MODULE": "telepresence_site.settings"}))
     command = [sys.executable, str(settings.BASE_DIR / "manage.py"), "play_in_sandbox"]
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that what was started is ended
     process = subprocess.Popen(  # noqa: S603 -- our own command
         command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-        preexec_fn=die_with_parent if os.name == "posix" else None,  # noqa: PLW1509 -- a command that has no threads yet
+        preexec_fn=tied_to_parent(),  # noqa: PLW1509 -- system calls alone, and no lock
     )  # fmt: skip
     last = ""
     try:
@@ -107,7 +105,6 @@ def play(study: Study, orders: Orders, folder: Path, told: Callable[[str], None]
 
 def carry_out(told: Callable[[str], None]) -> None:
     """Do what the orders in this process's VAR_DIR say, and leave the findings there."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as above
     orders = Orders(**json.loads((settings.VAR_DIR / ORDERS).read_text(encoding="utf-8")))
     study = sandbox.unpack()
     pace = own_pace()
