@@ -11,29 +11,38 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from types import FrameType
 
 PR_SET_PDEATHSIG = 1  # <linux/prctl.h>
 END_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
-@contextlib.contextmanager
-def interrupted_by_signals() -> Iterator[None]:
+def interrupted_by_signals() -> AbstractContextManager[None]:
     """Let the first SIGINT or SIGTERM raise KeyboardInterrupt inside, and ignore those that follow. For the main thread alone.
 
     A second Ctrl-C thus cannot interrupt the clean-up that the first one began, and leave processes behind; what is cleaned up needs
     limits of its own.
     """
-    before = {number: signal.getsignal(number) for number in END_SIGNALS}
-    for number in END_SIGNALS:
-        signal.signal(number, _interrupt)
+    return _handled_by(_interrupt)
+
+
+def ended_by_signals() -> AbstractContextManager[None]:
+    """Let SIGINT and SIGTERM end the process at once inside, which has nothing to clean up. For the main thread alone."""
+    return _handled_by(signal.SIG_DFL)
+
+
+@contextlib.contextmanager
+def _handled_by(handler: Callable[[int, FrameType | None], None] | signal.Handlers) -> Iterator[None]:
+    before = {number: signal.signal(number, handler) for number in END_SIGNALS}
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler or signal.SIG_DFL)
+        for number, earlier in before.items():
+            signal.signal(number, earlier or signal.SIG_DFL)
 
 
-def _interrupt(_number: int, _frame: object) -> None:
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
     ignore_end_signals()
     raise KeyboardInterrupt
 

@@ -31,10 +31,12 @@ from experiments.models import Drive, Kind, Study
 from experiments.publishing import obstacles_here
 from experiments.rehearsal import Report, judge
 from robots.processes import tied_to_parent
+from telepresence_site.demo.children import STOP_SECONDS
 from telepresence_site.rehearsing import sandbox
 
 ORDERS, FINDINGS, PACE = "orders.json", "findings.json", "pace"
 SETTLE_SECONDS = 120.0
+END_SECONDS = 2 * STOP_SECONDS
 
 
 class PlayFailed(Exception):  # noqa: N818 -- the command's word for it
@@ -92,12 +94,21 @@ def play(study: Study, orders: Orders, folder: Path, told: Callable[[str], None]
             last = line.strip() or last
             told(line.rstrip())
     finally:
-        if process.poll() is None:
-            process.terminate()
-        process.wait()
+        _end(process)
     if process.returncode != 0 or not (folder / FINDINGS).exists():
         raise PlayFailed(f"The sandbox ended: {last or 'it said nothing'} (its logs: {folder / 'log'})")
     return msgspec.json.decode((folder / FINDINGS).read_bytes(), type=Played)
+
+
+def _end(process: "subprocess.Popen[str]") -> None:
+    """End the sandbox's process, whose own children end before it, or with it when it does not listen."""
+    if process.poll() is None:
+        process.terminate()
+    try:
+        process.wait(END_SECONDS)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
 # --- in the sandbox --------------------------------------------------------------------------------------------------

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import psutil
 import pytest
@@ -18,8 +17,8 @@ import sys, time
 from robots.processes import interrupted_by_signals
 try:
     with interrupted_by_signals():
-        print("ready", flush=True)
         try:
+            print("ready", flush=True)
             time.sleep(600)
         finally:
             print("cleaning", flush=True)
@@ -39,7 +38,8 @@ time.sleep(600)
 
 def python(code: str, *, background: bool) -> "subprocess.Popen[str]":
     return subprocess.Popen(
-        [sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE, text=True, preexec_fn=disposition(background=background)
+        [sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE, text=True,
+        preexec_fn=disposition(background=background),  # noqa: PLW1509 -- system calls alone
     )  # fmt: skip
 
 
@@ -60,8 +60,7 @@ def test_the_first_signal_interrupts_and_no_other_interrupts_the_clean_up(number
 def test_what_the_signals_did_before_they_do_afterwards():
     before = [signal.getsignal(number) for number in processes.END_SIGNALS]
     with pytest.raises(KeyboardInterrupt), processes.interrupted_by_signals():
-        os.kill(os.getpid(), signal.SIGTERM)
-        time.sleep(10.0)
+        signal.raise_signal(signal.SIGTERM)
     assert [signal.getsignal(number) for number in processes.END_SIGNALS] == before
 
 
@@ -80,6 +79,6 @@ def test_a_child_whose_parent_died_before_it_was_tied_ends_at_once(monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(os, "getpid", lambda: dead.pid)
         tie = processes.tied_to_parent()
-    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], preexec_fn=tie)
+    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], preexec_fn=tie)  # noqa: PLW1509 -- as above
     wait_for(lambda: child.poll() is not None, 20, "the end of a child without its parent")
     assert child.returncode == -signal.SIGKILL

@@ -14,7 +14,7 @@ from experiments.bots.endings import Ending, draw, in_turn
 from experiments.bots.persona import EffectError, effect
 from experiments.models import Study
 from experiments.named_study import study_named
-from robots.processes import interrupted_by_signals
+from robots.processes import ended_by_signals, interrupted_by_signals
 from telepresence_site.rehearsing.play import Orders, PlayFailed, crowd_of, play
 from telepresence_site.rehearsing.room import sandbox_folder
 
@@ -42,11 +42,7 @@ class Command(BaseCommand):
 
     def handle(self, *_args: Any, **options: Any) -> None:
         study, orders = study_named(options["study"]), _orders(options)
-        try:
-            with interrupted_by_signals():
-                diaries = self._beside(study, orders, options["url"]) if options["speed"] is None else self._in_sandbox(study, orders)
-        except KeyboardInterrupt:
-            raise CommandError("It was ended.") from None
+        diaries = self._beside(study, orders, options["url"]) if options["speed"] is None else self._in_sandbox(study, orders)
         if options["report"] is not None:
             options["report"].write_text(json.dumps(diaries, indent=1), encoding="utf-8")
         stuck = sum(1 for diary in diaries if diary["stuck"])
@@ -57,15 +53,17 @@ class Command(BaseCommand):
     def _beside(self, study: Study, orders: Orders, url: str) -> list[dict[str, Any]]:
         if study.status == Study.Status.CLOSED:
             raise CommandError("The study is closed: it takes nobody new.")
-        diaries = asyncio.run(crowd_of(study, orders, url, self.stdout.write).run())
+        with ended_by_signals():  # a bot waits minutes for a site that does not answer, and leaves nothing behind
+            diaries = asyncio.run(crowd_of(study, orders, url, self.stdout.write).run())
         return [diary.as_data() for diary in diaries]
 
     def _in_sandbox(self, study: Study, orders: Orders) -> list[dict[str, Any]]:
         with sandbox_folder(study.slug) as folder:
             try:
-                played = play(study, orders, folder, self.stdout.write)
-            except PlayFailed as error:
-                raise CommandError(str(error)) from error
+                with interrupted_by_signals():
+                    played = play(study, orders, folder, self.stdout.write)
+            except (PlayFailed, KeyboardInterrupt) as error:
+                raise CommandError(str(error) or "It was ended.") from error
         times = played.seconds / max(played.real_seconds, 1e-6)
         for sentence in played.report.problems:
             self.stdout.write(f"  {sentence}")
