@@ -15,7 +15,7 @@ from tests.support.patience import patient
 from tests.support.site import ROOT, wait_for
 
 LINK = re.compile(r"Drive Giraff now:\s+(\S+)")
-TESTS_OWN = {"HTTP_ONLY", "PLAIN_STATIC", "DJANGO_SETTINGS_MODULE"}  # variables that tests have set and no user has
+TESTS_OWN = {"HTTP_ONLY", "PLAIN_STATIC", "LOG_LEVEL", "DJANGO_SETTINGS_MODULE"}  # variables that tests have set and no user has
 
 
 def disposition(*, background: bool) -> Callable[[], None]:
