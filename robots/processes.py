@@ -61,16 +61,20 @@ def tied_to_parent() -> Callable[[], None] | None:
     """
     if os.name != "posix":
         return None
+    if sys.platform != "linux":
+        return _hear_end_signals
     # Found before the fork: to load a library between fork and exec may wait for ever for another thread's lock.
-    prctl = ctypes.CDLL(None).prctl if sys.platform == "linux" else None
-    parent = os.getpid()
+    prctl, parent = ctypes.CDLL(None).prctl, os.getpid()
 
     def tie() -> None:
-        for number in END_SIGNALS:
-            signal.signal(number, signal.SIG_DFL)
-        if prctl is not None:
-            prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-            if os.getppid() != parent:  # it died before the line above, and will not die again
-                os.kill(os.getpid(), signal.SIGKILL)
+        _hear_end_signals()
+        prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+        if os.getppid() != parent:  # it died before the line above, and will not die again
+            os.kill(os.getpid(), signal.SIGKILL)
 
     return tie
+
+
+def _hear_end_signals() -> None:
+    for number in END_SIGNALS:
+        signal.signal(number, signal.SIG_DFL)

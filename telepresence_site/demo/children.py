@@ -35,11 +35,12 @@ class Child:
     started_at: datetime.datetime
 
     def output(self, last: int | None = None) -> str:
-        """Return what it has written, or the last so many bytes of that."""
-        with self.log.open("rb") as file:
+        """Return what it has written, or the last so many bytes of that; nothing when somebody has removed its log."""
+        with contextlib.suppress(OSError), self.log.open("rb") as file:
             size = file.seek(0, os.SEEK_END)
             file.seek(self.log_start if last is None else max(self.log_start, size - last))
             return file.read().decode(errors="replace")
+        return ""
 
     def last_words(self) -> str:
         """Return the last line of its log that says something."""

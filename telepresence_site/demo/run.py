@@ -7,14 +7,14 @@ import shutil
 import socket
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from django.conf import settings
 from django.core.management import call_command
-from django.db import connection
+from django.db import DatabaseError, InterfaceError, connection
 from django.utils import timezone
 
 from experiments.publishing import NotPublishableError
@@ -179,7 +179,7 @@ class Demo:
     def _publish(self) -> None:
         try:
             self.study = publish_study(timezone.now())
-        except NotPublishableError as error:
+        except (NotPublishableError, DatabaseError, InterfaceError) as error:
             self.terminal.tell(f"The demo's study cannot be published yet: {error}")
 
     def _daphne(self) -> list[str]:
@@ -224,14 +224,27 @@ class Demo:
             time.sleep(WATCH_SECONDS)
 
 
+def _in_database(question: Callable[[], bool]) -> bool:
+    """Answer a question to the database; no while it is away."""
+    try:
+        return question()
+    except (DatabaseError, InterfaceError):
+        connection.close()
+        return False
+
+
 def _session_manager_beats(child: Child) -> bool:
-    return ManagerBeat.objects.filter(beat_at__gte=child.started_at).exists()
+    return _in_database(ManagerBeat.objects.filter(beat_at__gte=child.started_at).exists)
 
 
 def _robot_is_online(name: str, since: datetime.datetime) -> bool:
     """Tell whether a robot's agent that was started then has said what it is."""
-    robot = Robot.objects.get(name=name)
-    return robot.factsheet is not None and _boot_time(robot.boot) >= since.timestamp() - 0.001 and robot.is_online(timezone.now())
+
+    def is_online() -> bool:
+        robot = Robot.objects.get(name=name)
+        return robot.factsheet is not None and _boot_time(robot.boot) >= since.timestamp() - 0.001 and robot.is_online(timezone.now())
+
+    return _in_database(is_online)
 
 
 def _boot_time(boot: str) -> float:

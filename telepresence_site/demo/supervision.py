@@ -87,21 +87,30 @@ class ServiceSupervisor:
             if service.restart_at is None and service.child.process.poll() is not None:
                 self._bury(service, now)
             if service.restart_at is not None and now >= service.restart_at:
-                service.child = self._children.start(service.part.name, service.part.arguments)
-                service.started_at, service.restart_at = now, None
+                self._restart(service, now)
             if service.is_back and service.died_at is not None:
                 self._tell(f"The {service.part.name} is {'back' if service.deaths else 'ready'} after {now - service.died_at:.1f} s.")
                 service.died_at, some_are_back = None, True
         return some_are_back
 
+    def _restart(self, service: _Service, now: float) -> None:
+        service.started_at, service.restart_at = now, None
+        try:
+            service.child = self._children.start(service.part.name, service.part.arguments)
+        except OSError as error:  # no memory, or no room for its log
+            self._plan_restart(service, now, f"The {service.part.name} could not be started: {error.strerror or error}.")
+
     def _bury(self, service: _Service, now: float) -> None:
-        service.deaths = deaths_in_a_row(self._policy, service.deaths, now - service.started_at)
-        service.died_at = service.died_at or now
         ended = f"The {service.part.name} ended: {service.child.cause_of_death()} (its log: {service.child.log})."
         self._children.end(service.child)
+        self._plan_restart(service, now, ended)
+
+    def _plan_restart(self, service: _Service, now: float, what: str) -> None:
+        service.deaths = deaths_in_a_row(self._policy, service.deaths, now - service.started_at)
+        service.died_at = service.died_at or now
         match after_death(self._policy, service.deaths, is_essential=service.part.is_essential):
             case GiveUp():
-                raise PartLostError(f"{ended} It ended {service.deaths} times in a row, and nothing works without it.")
+                raise PartLostError(f"{what} It ended {service.deaths} times in a row, and nothing works without it.")
             case Restart(delay):
                 service.restart_at = now + delay
-                self._tell(f"{ended} Starting it again in {delay:g} s.")
+                self._tell(f"{what} Starting it again in {delay:g} s.")

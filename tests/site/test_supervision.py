@@ -70,6 +70,19 @@ def test_a_part_that_is_killed_is_named_with_its_log_and_again_when_it_is_back_t
         assert children.running[0] is not first
 
 
+def test_a_part_whose_log_cannot_be_written_is_tried_again_until_it_can(children, supervisor, told, tmp_path):
+    start(supervisor, Part("robot", LIVE, says_ready))
+    kill(children.running[0])
+    log = tmp_path / "log" / "robot.log"
+    log.unlink()
+    log.mkdir()
+    look_until(supervisor, lambda: len(told) > 3)
+    assert told[0].startswith("The robot ended: it was ended by SIGKILL")
+    assert told[1] == "The robot could not be started: Is a directory. Starting it again in 0 s."
+    log.rmdir()
+    look_until(supervisor, lambda: "The robot is back after" in told[-1])
+
+
 def test_an_essential_part_that_dies_again_and_again_is_lost_with_its_own_reason(supervisor, told):
     with pytest.raises(PartLostError, match=r"The broker ended: the port is taken \(its log: .*\)\. It ended 3 times in a row"):
         start(supervisor, Part("broker", DIES, lambda _child: False, is_essential=True))
