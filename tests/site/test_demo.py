@@ -56,7 +56,9 @@ def test_the_link_opens_the_robot_and_the_end_leaves_no_process_behind_and_a_sec
         assert "Explore an office with a robot" in urllib.request.build_opener().open(study.group(1), timeout=patient(20)).read().decode()
         family = running.family()
         assert len(family) >= 5
-        assert running.end(number) == 0
+        running.process.send_signal(number)
+        running.waits_to_say("Stopping", 10)
+        assert running.end(number) == 0, "who thinks that it was not heard presses again"
         _, alive = psutil.wait_procs(family, timeout=40)
         assert alive == []
     people = sessions_of(tmp_path)

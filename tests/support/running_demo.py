@@ -53,8 +53,9 @@ class RunningDemo:
         """Wait until what it has said since then (a length of `said()`) has a pattern."""
 
         def found() -> re.Match[str] | None:
-            assert self.process.poll() is None, self.said()
-            return re.search(pattern, self.said()[since:])
+            ended, match = self.process.poll() is not None, re.search(pattern, self.said()[since:])
+            assert match or not ended, self.said()
+            return match
 
         return wait_for(found, within, f"{pattern!r} (it said: {self.said()[since:]!r})")
 
