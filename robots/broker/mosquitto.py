@@ -9,7 +9,6 @@ topic that a robot may write to, not only where the topic table says so.
 """
 
 import asyncio
-import ctypes
 import logging
 import os
 import shutil
@@ -23,13 +22,13 @@ from pathlib import Path
 from robots.broker.hub import QUEUE_BYTES, WINDOW
 from robots.broker.permissions import BrokerUser
 from robots.broker.users import MAX_PACKET, POLL_SECONDS, SESSION_SECONDS, ReadUsers, UsersUnavailableError
+from robots.processes import tied_to_parent
 
 logger = logging.getLogger(__name__)
 
 START_SECONDS = 10.0
 STOP_SECONDS = 5.0
 SBIN = ("/usr/sbin", "/usr/local/sbin", "/opt/homebrew/sbin")  # Debian and macOS keep it off the PATH of ordinary users
-PR_SET_PDEATHSIG = 1
 EVERYWHERE = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104 -- where to try a broker that listens everywhere
 
 
@@ -145,7 +144,12 @@ class MosquittoBroker:
         # By itself it would become the user `mosquitto` when started by root, who cannot read our directory.
         user = "root" if sys.platform != "win32" and os.geteuid() == 0 else None
         write_private(self._directory / "mosquitto.conf", configuration(host, port, self._directory, tls, user))
-        self._child = _spawn([program, "-c", str(self._directory / "mosquitto.conf")])
+        # A session of its own: Ctrl-C reaches us, and we end it in order.
+        self._child = subprocess.Popen(  # noqa: ASYNC220, S603 -- milliseconds, in the thread that it is to die with; a program that we found, with our own file
+            [program, "-c", str(self._directory / "mosquitto.conf")],
+            start_new_session=True,
+            preexec_fn=tied_to_parent(),  # noqa: PLW1509 -- system calls alone, and no lock
+        )
         await self._answering(host, port)
         return port
 
@@ -212,17 +216,3 @@ class MosquittoBroker:
             await asyncio.sleep(0.05)
             self._must_live()
             return
-
-
-def _spawn(command: list[str]) -> "subprocess.Popen[bytes]":
-    if sys.platform != "linux":
-        return subprocess.Popen(command)  # noqa: S603 -- a program that we found, with our own file
-    prctl, parent = ctypes.CDLL(None, use_errno=True).prctl, os.getpid()
-
-    def die_with_parent() -> None:
-        prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-        if os.getppid() != parent:  # it died before the line above
-            os.kill(os.getpid(), signal.SIGKILL)
-
-    # A session of its own: Ctrl-C reaches us, and we end it in order.
-    return subprocess.Popen(command, preexec_fn=die_with_parent, start_new_session=True)  # noqa: PLW1509, S603 -- two system calls, no lock

@@ -1,7 +1,7 @@
 """The child processes of the demo: started side by side, watched, and never left behind."""
 
 import contextlib
-import ctypes
+import datetime
 import os
 import signal
 import subprocess
@@ -13,40 +13,62 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-PR_SET_PDEATHSIG = 1
+from robots.processes import tied_to_parent
+
 STOP_SECONDS = 8.0
+TAIL_BYTES = 4096  # of a log, in which its last line is looked for
+LARGEST_LOG = 5_000_000  # bytes; a longer one is begun anew when its child is started again
 
 
 class StartFailed(Exception):  # noqa: N818 -- the demo's own word for it
     """A child ended, or was not ready in time; the message is one sentence."""
 
 
-def die_with_parent() -> None:
-    """Ask Linux to end this child when whoever started it is killed; elsewhere the demo's own clean-up has to do."""
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-
-
 @dataclass
 class Child:
-    """One process, with its output in a log file."""
+    """One process, with its output in a log file from byte `log_start` on."""
 
     name: str
     process: subprocess.Popen[bytes]
     log: Path
+    log_start: int
+    started_at: datetime.datetime
+
+    def output(self, last: int | None = None) -> str:
+        """Return what it has written, or the last so many bytes of that; nothing when somebody has removed its log."""
+        with contextlib.suppress(OSError), self.log.open("rb") as file:
+            size = file.seek(0, os.SEEK_END)
+            file.seek(self.log_start if last is None else max(self.log_start, size - last))
+            return file.read().decode(errors="replace")
+        return ""
 
     def last_words(self) -> str:
         """Return the last line of its log that says something."""
-        lines = [line.strip() for line in self.log.read_text(errors="replace").splitlines() if line.strip()]
+        lines = [line.strip() for line in self.output(TAIL_BYTES).splitlines() if line.strip()]
         return lines[-1] if lines else "it said nothing"
+
+    def cause_of_death(self) -> str:
+        """Return why it ended: the signal that ended it, else its last words."""
+        code = self.process.poll()
+        if code is not None and code < 0:
+            return f"it was ended by {_signal_name(-code)}"
+        return self.last_words().rstrip(".")
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:  # a real-time signal
+        return f"signal {number}"
 
 
 class Part(NamedTuple):
-    """What is to be started: a Python child, and how it shows that it is ready."""
+    """What is to be started: a Python child, how it shows that it is ready, and whether nothing works without it."""
 
     name: str
     arguments: list[str]
-    ready: Callable[[], bool]
+    ready: Callable[[Child], bool]
+    is_essential: bool = False
 
 
 @dataclass
@@ -56,12 +78,17 @@ class Children:
     log_dir: Path
     environment: dict[str, str]
     running: list[Child] = field(default_factory=list)
+    _logs: set[Path] = field(default_factory=set)
 
     def start(self, name: str, arguments: list[str]) -> Child:
-        """Start a Python child, its output in a log file of its name."""
+        """Start a Python child, its output in a log file of its name, behind what an earlier one of this name has left there."""
         self.log_dir.mkdir(parents=True, exist_ok=True)
         log = self.log_dir / f"{name.replace(' ', '-')}.log"
-        with log.open("wb") as output:
+        goes_on = log in self._logs and log.exists() and log.stat().st_size < LARGEST_LOG
+        self._logs.add(log)
+        started_at = datetime.datetime.now(datetime.UTC)
+        with log.open("ab" if goes_on else "wb") as output:
+            log_start = output.tell()  # before the child writes, which moves it
             process = subprocess.Popen(  # noqa: S603 -- our own commands
                 [sys.executable, *arguments],
                 stdin=subprocess.DEVNULL,
@@ -69,9 +96,9 @@ class Children:
                 stderr=subprocess.STDOUT,
                 env=self.environment,
                 start_new_session=True,  # Ctrl-C reaches the demo alone, which then ends them in order
-                preexec_fn=die_with_parent if os.name == "posix" else None,  # noqa: PLW1509 -- the demo has no threads yet
+                preexec_fn=tied_to_parent(),  # noqa: PLW1509 -- system calls alone, and no lock
             )
-        child = Child(name, process, log)
+            child = Child(name, process, log, log_start, started_at)
         self.running.append(child)
         return child
 
@@ -93,8 +120,8 @@ class Children:
             with step(child.name):
                 self._wait(child, ready, time.monotonic() + within)
 
-    def _wait(self, child: Child, ready: Callable[[], bool], deadline: float) -> None:
-        while not ready():
+    def _wait(self, child: Child, ready: Callable[[Child], bool], deadline: float) -> None:
+        while not ready(child):
             gone = self.ended()
             if gone is not None:
                 raise StartFailed(f"The {gone.name} ended at once: {gone.last_words()} (its log: {gone.log})")
@@ -103,11 +130,12 @@ class Children:
             time.sleep(0.05)
 
     def end(self, child: Child) -> None:
-        """End one of them, and forget it."""
+        """End one of them, and forget it; one that is not there any more is none to end."""
         with contextlib.suppress(ProcessLookupError):
             child.process.terminate()
         self._bury(child, time.monotonic() + STOP_SECONDS)
-        self.running.remove(child)
+        if child in self.running:
+            self.running.remove(child)
 
     def ended(self) -> Child | None:
         """Return a child that ended by itself, if any did."""

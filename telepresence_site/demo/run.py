@@ -1,33 +1,38 @@
 """The demo from its first line to its last: check, migrate, seed, start everything, say where it is, and end it all."""
 
+import datetime
 import os
 import secrets
 import shutil
-import signal
 import socket
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from django.conf import settings
 from django.core.management import call_command
-from django.db import connection
+from django.db import DatabaseError, InterfaceError, connection
 from django.utils import timezone
 
 from experiments.publishing import NotPublishableError
 from robots.models import Robot
+from robots.processes import ignore_end_signals, interrupted_by_signals
 from sessions.models import ManagerBeat
 from telepresence_site.demo import lan
-from telepresence_site.demo.children import Children, Part, StartFailed
+from telepresence_site.demo.children import Child, Children, Part, StartFailed
 from telepresence_site.demo.ports import LOOPBACK, answers, free_port, listening
 from telepresence_site.demo.seed import RESEARCHER, ROBOTS, seed
 from telepresence_site.demo.study import publish_study
+from telepresence_site.demo.supervision import PartLostError, ServiceSupervisor
+from telepresence_site.management.commands.run_practice import READY
 from telepresence_site.serving import APPLICATION, DAPHNE
 
 COMPANY = {"giraff": ["--option", "people=1"]}  # each robot lives in a simulated office of its own; somebody walks about in Giraff's
+START_SECONDS = 30.0  # that each part may need after the one before it is ready
+WATCH_SECONDS = 0.2
 
 
 class DemoError(Exception):
@@ -43,17 +48,39 @@ class Options:
     reset: bool
 
 
-@contextmanager
-def step(name: str) -> Iterator[None]:
-    """Print a step's name, and how long it took."""
-    started = time.monotonic()
-    print(f"  {name:<44}", end="", flush=True)
-    try:
-        yield
-    except BaseException:
-        print(" failed")
-        raise
-    print(f" {time.monotonic() - started:5.1f} s", flush=True)
+class Terminal:
+    """Prints steps, each with its time on the line of its name, and sentences, which begin a line of their own."""
+
+    def __init__(self) -> None:
+        self._line = ""  # begun and not ended
+
+    @contextmanager
+    def step(self, name: str) -> Iterator[None]:
+        """Print a step's name, and how long it took."""
+        started = time.monotonic()
+        self._begin(name)
+        try:
+            yield
+        except BaseException:
+            self._end("failed")
+            raise
+        if not self._line:
+            self._begin(name)
+        self._end(f"{time.monotonic() - started:5.1f} s")
+
+    def tell(self, sentence: str) -> None:
+        """Print a sentence."""
+        if self._line:
+            self._end("…")
+        print(f"  {sentence}", flush=True)
+
+    def _begin(self, name: str) -> None:
+        self._line = name
+        print(f"  {name:<44}", end="", flush=True)
+
+    def _end(self, result: str) -> None:
+        self._line = ""
+        print(f" {result}", flush=True)
 
 
 def require_free(host: str, port: int) -> None:
@@ -81,7 +108,9 @@ class Demo:
         self.scheme, self.host = ("https", self.hosts[0]) if options.lan else ("http", LOOPBACK)
         self.token = secrets.token_urlsafe(12)
         self.mqtt_url = f"mqtt://{LOOPBACK}:{free_port()}"
+        self.terminal = Terminal()
         self.children = Children(settings.VAR_DIR / "log", self._environment())
+        self.supervisor = ServiceSupervisor(self.children, self.terminal.tell)
         self.password = ""
         self.study = ""
 
@@ -107,13 +136,13 @@ class Demo:
         """Bring database, static files and seed up to date."""
         require_free("0.0.0.0" if self.options.lan else LOOPBACK, self.options.port)  # noqa: S104 -- LAN=1 asks for it
         if self.options.reset:
-            with step("start over"):
+            with self.terminal.step("start over"):
                 self._reset()
-        with step("database"):
+        with self.terminal.step("database"):
             call_command("migrate", verbosity=0)
-        with step("static files"):
+        with self.terminal.step("static files"):
             call_command("collectstatic", verbosity=0, interactive=False)
-        with step("people, floor plan, robots"):
+        with self.terminal.step("people, floor plan, robots"):
             self.password = seed(self.mqtt_url)
             # What an earlier run left behind is not news: without this a robot would look online before it is started.
             Robot.objects.update(connection="OFFLINE", boot="")
@@ -130,27 +159,28 @@ class Demo:
 
     def start(self) -> None:
         """Start every process, and publish the study when the robots have said what they are."""
-        began = timezone.now()
-        mqtt_port = int(self.mqtt_url.rpartition(":")[2])
+        mqtt_port = self.mqtt_url.rpartition(":")[2]
         manage = str(settings.BASE_DIR / "manage.py")
+        run_broker = [manage, "run_broker", "--host", LOOPBACK, "--port", mqtt_port]
         parts = [
-            Part("broker", [manage, "run_broker", "--host", LOOPBACK, "--port", str(mqtt_port)], lambda: listening(mqtt_port)),
-            Part("session manager", [manage, "run_session_manager"], lambda: ManagerBeat.objects.filter(beat_at__gte=began).exists()),
-            Part("web server", self._daphne(), self._web_answers),
+            Part("broker", run_broker, lambda child: "broker listening" in child.output(), is_essential=True),
+            Part("session manager", [manage, "run_session_manager"], _session_manager_beats, is_essential=True),
+            Part("web server", self._daphne(), lambda _child: self._web_answers(), is_essential=True),
         ]
         for name, title, *_ in ROBOTS:
             run_robot = [manage, "run_robot", name, *COMPANY.get(name, [])]
-            parts.append(Part(f"simulated {title}", run_robot, lambda name=name: self._robot_is_online(name)))
-        self.children.start_together(parts, step=step)
-        self.children.start("practice", [manage, "run_practice"])  # its robots come when somebody waits
-        with step("a study, ready to take part in"):
+            parts.append(Part(f"simulated {title}", run_robot, lambda child, name=name: _robot_is_online(name, child.started_at)))
+        # Its robots come when somebody waits.
+        parts.append(Part("practice supervisor", [manage, "run_practice"], lambda child: READY in child.output()))
+        self.supervisor.start(parts, within=START_SECONDS, step=self.terminal.step)
+        with self.terminal.step("a study, ready to take part in"):
             self._publish()
 
     def _publish(self) -> None:
         try:
             self.study = publish_study(timezone.now())
-        except NotPublishableError as error:
-            raise DemoError(f"The demo's study cannot be published: {error}") from error
+        except (NotPublishableError, DatabaseError, InterfaceError) as error:
+            self.terminal.tell(f"The demo's study cannot be published yet: {error}")
 
     def _daphne(self) -> list[str]:
         if not self.options.lan:
@@ -164,10 +194,6 @@ class Demo:
             return listening(self.options.port)
         return answers(self.address)
 
-    def _robot_is_online(self, name: str) -> bool:
-        robot = Robot.objects.get(name=name)
-        return robot.factsheet is not None and robot.is_online(timezone.now())
-
     def say_where(self) -> None:
         """Print the links."""
         link = f"{self.address}/demo/{self.token}/giraff/"
@@ -176,25 +202,64 @@ class Demo:
             lan.qr_code(link)
             print("\n  The certificate is self-made: the browser will ask once whether to go on.\n")
         print(f"  Everybody else:    {self.address}/")
-        print(f"  Take part:         {self.address}/studies/{self.study}/   (the paper's study)")
+        if self.study:
+            self._say_where_to_take_part()
         print(f"  Researcher:        {self.address}/admin/   name {RESEARCHER}   password {self.password}")
         print(f"\n  Logs: {self.children.log_dir}    Ctrl-C ends everything.\n", flush=True)
 
+    def _say_where_to_take_part(self) -> None:
+        print(f"  Take part:         {self.address}/studies/{self.study}/   (the paper's study)", flush=True)
+
     def watch(self) -> None:
-        """Wait until a child ends by itself.
+        """Start again what ends, for ever.
 
         Raises:
-            DemoError: one did, which no child of the demo should.
+            PartLostError: broker, session manager or web server do not live.
         """
-        while (child := self.children.ended()) is None:
-            time.sleep(0.5)
-        raise DemoError(f"The {child.name} ended: {child.last_words()} (its log: {child.log})")
+        while True:
+            if self.supervisor.look() and not self.study:
+                self._publish()
+                if self.study:
+                    self._say_where_to_take_part()
+            time.sleep(WATCH_SECONDS)
+
+
+def _in_database(question: Callable[[], bool]) -> bool:
+    """Answer a question to the database; no while it is away."""
+    try:
+        return question()
+    except (DatabaseError, InterfaceError):
+        connection.close()
+        return False
+
+
+def _session_manager_beats(child: Child) -> bool:
+    return _in_database(ManagerBeat.objects.filter(beat_at__gte=child.started_at).exists)
+
+
+def _robot_is_online(name: str, since: datetime.datetime) -> bool:
+    """Tell whether a robot's agent that was started then has said what it is."""
+
+    def is_online() -> bool:
+        robot = Robot.objects.get(name=name)
+        return robot.factsheet is not None and _boot_time(robot.boot) >= since.timestamp() - 0.001 and robot.is_online(timezone.now())
+
+    return _in_database(is_online)
+
+
+def _boot_time(boot: str) -> float:
+    """Return when a run of an agent began, in Unix seconds, from its id (robots.agent.agent.new_boot); 0 without one."""
+    return int(boot.partition("-")[0] or "0", 16) / 1000.0
 
 
 def run(options: Options) -> int:
     """Run the demo until Ctrl-C or SIGTERM and return the exit code."""
+    with interrupted_by_signals():
+        return _run(options)
+
+
+def _run(options: Options) -> int:
     demo = None
-    signal.signal(signal.SIGTERM, _interrupt)
     try:
         demo = Demo(options)
         demo.prepare()
@@ -204,17 +269,11 @@ def run(options: Options) -> int:
     except KeyboardInterrupt:
         print("\n  Stopping …", flush=True)
         return 0 if demo is not None and demo.password else 130
-    except (DemoError, StartFailed) as error:
+    except (DemoError, StartFailed, PartLostError) as error:
         print(f"\n{error}", file=sys.stderr)
         return 1
     finally:
-        # A second Ctrl-C must not interrupt the ending.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        ignore_end_signals()
         if demo is not None:
             demo.children.stop()
     return 0
-
-
-def _interrupt(_number: int, _frame: object) -> None:
-    raise KeyboardInterrupt

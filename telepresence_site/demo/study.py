@@ -2,6 +2,8 @@
 
 import datetime
 
+from django.db import transaction
+
 from accounts.models import User
 from experiments import publishing
 from experiments.models import Study, StudyMember
@@ -16,10 +18,14 @@ def publish_study(now: datetime.datetime) -> str:
     """Publish the study unless some version of it is there already, and return its name.
 
     Needs the robots to have said what they are.
+
+    Raises:
+        NotPublishableError: they have not, yet.
     """
     if not Study.objects.filter(slug=SLUG).exists():
         researcher = User.objects.get(username=RESEARCHER)
-        row = publishing.store(shipped()[SLUG], now)
-        StudyMember.objects.get_or_create(slug=SLUG, user=researcher, defaults={"role": StudyMember.Role.OWNER})
-        publishing.publish(row, researcher, REASON, now)
+        with transaction.atomic():  # what cannot be published yet is not left behind as a draft
+            row = publishing.store(shipped()[SLUG], now)
+            StudyMember.objects.get_or_create(slug=SLUG, user=researcher, defaults={"role": StudyMember.Role.OWNER})
+            publishing.publish(row, researcher, REASON, now)
     return SLUG

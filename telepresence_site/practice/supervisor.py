@@ -3,7 +3,6 @@
 Children die with this process. A new one finds in the database who practises, and starts their robots again.
 """
 
-import contextlib
 import logging
 import os
 import threading
@@ -42,7 +41,8 @@ class Supervisor:
         self._names = names
         self._command = command
         self._children = Children(log_dir, dict(os.environ))
-        self._running: dict[str, tuple[Child, float]] = {}
+        self._running: dict[str, Child] = {}  # a robot that was ended is in here no more
+        self._started_at: dict[str, float] = {}  # Unix seconds, of every robot that was ever started
         self._wanted_at: float | None = None
 
     def run(self, stopping: threading.Event) -> None:
@@ -61,7 +61,8 @@ class Supervisor:
         """Do what is due."""
         demand = robots.demand(self._wanted_at, timezone.now())
         self._wanted_at = demand.wanted_at
-        processes = {name: Process(at, child.process.poll() is None) for name, (child, at) in self._running.items()}
+        self._forget_dead()
+        processes = {name: Process(at, alive=name in self._running) for name, at in self._started_at.items()}
         for act in decide(self._names, demand, processes, time.time()):
             match act:
                 case Start(name):
@@ -69,16 +70,21 @@ class Supervisor:
                 case Stop(name):
                     self._stop(name)
 
+    def _forget_dead(self) -> None:
+        """Name every robot that ended by itself, and forget its process."""
+        for name, child in list(self._running.items()):
+            if child.process.poll() is not None:
+                log.warning("practice_robot_died robot=%s reason=%r log=%s", name, child.cause_of_death(), child.log)
+                self._end(name)
+
     def _start(self, name: str) -> None:
-        if name in self._running:
-            child, _ = self._running[name]
-            log.info("practice_robot_again robot=%s last_words=%s", name, child.last_words())
-            self._children.end(child)
         log.info("practice_robot_started robot=%s", name)
-        self._running[name] = self._children.start(name, self._command(name)), time.time()
+        self._running[name] = self._children.start(name, self._command(name))
+        self._started_at[name] = time.time()
 
     def _stop(self, name: str) -> None:
         log.info("practice_robot_stopped robot=%s", name)
-        child, _ = self._running[name]
-        with contextlib.suppress(ProcessLookupError):
-            self._children.end(child)
+        self._end(name)
+
+    def _end(self, name: str) -> None:
+        self._children.end(self._running.pop(name))

@@ -6,7 +6,6 @@ The first half runs in the process that a command was given to, at real time and
 import asyncio
 import json
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -31,11 +30,13 @@ from experiments.definition import Study as Definition
 from experiments.models import Drive, Kind, Study
 from experiments.publishing import obstacles_here
 from experiments.rehearsal import Report, judge
-from telepresence_site.demo.children import die_with_parent
+from robots.processes import tied_to_parent
+from telepresence_site.demo.children import STOP_SECONDS
 from telepresence_site.rehearsing import sandbox
 
 ORDERS, FINDINGS, PACE = "orders.json", "findings.json", "pace"
 SETTLE_SECONDS = 120.0
+END_SECONDS = 2 * STOP_SECONDS
 
 
 class PlayFailed(Exception):  # noqa: N818 -- the command's word for it
@@ -83,10 +84,9 @@ def play(study: Study, orders: Orders, folder: Path, told: Callable[[str], None]
     pace = Pace(folder / PACE)
     environment = pace.environment(sandbox.environment(folder, {**os.environ, "DJANGO_SETTINGS_MODULE": "telepresence_site.settings"}))
     command = [sys.executable, str(settings.BASE_DIR / "manage.py"), "play_in_sandbox"]
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that what was started is ended
     process = subprocess.Popen(  # noqa: S603 -- our own command
         command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-        preexec_fn=die_with_parent if os.name == "posix" else None,  # noqa: PLW1509 -- a command that has no threads yet
+        preexec_fn=tied_to_parent(),  # noqa: PLW1509 -- system calls alone, and no lock
     )  # fmt: skip
     last = ""
     try:
@@ -94,12 +94,21 @@ def play(study: Study, orders: Orders, folder: Path, told: Callable[[str], None]
             last = line.strip() or last
             told(line.rstrip())
     finally:
-        if process.poll() is None:
-            process.terminate()
-        process.wait()
+        _end(process)
     if process.returncode != 0 or not (folder / FINDINGS).exists():
         raise PlayFailed(f"The sandbox ended: {last or 'it said nothing'} (its logs: {folder / 'log'})")
     return msgspec.json.decode((folder / FINDINGS).read_bytes(), type=Played)
+
+
+def _end(process: "subprocess.Popen[str]") -> None:
+    """End the sandbox's process, whose own children end before it, or with it when it does not listen."""
+    if process.poll() is None:
+        process.terminate()
+    try:
+        process.wait(END_SECONDS)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
 # --- in the sandbox --------------------------------------------------------------------------------------------------
@@ -107,7 +116,6 @@ def play(study: Study, orders: Orders, folder: Path, told: Callable[[str], None]
 
 def carry_out(told: Callable[[str], None]) -> None:
     """Do what the orders in this process's VAR_DIR say, and leave the findings there."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as above
     orders = Orders(**json.loads((settings.VAR_DIR / ORDERS).read_text(encoding="utf-8")))
     study = sandbox.unpack()
     pace = own_pace()

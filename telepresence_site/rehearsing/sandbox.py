@@ -27,7 +27,7 @@ from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan, Robot
 from sessions.models import ManagerBeat
 from surveys.models import Questionnaire as QuestionnaireRow
-from telepresence_site.demo.children import Children, Part, StartFailed
+from telepresence_site.demo.children import Child, Children, Part, StartFailed
 from telepresence_site.demo.ports import LOOPBACK, answers, free_port, listening
 from telepresence_site.demo.seed import OFFICE
 from telepresence_site.serving import APPLICATION, DAPHNE
@@ -129,9 +129,9 @@ def _start(children: Children, definition: Definition, sites: Path) -> str:
     mqtt_port, web_port = int(settings.MQTT_URL.rpartition(":")[2]), free_port()
     site = f"http://{LOOPBACK}:{web_port}"
     parts = [
-        Part("broker", [manage, "run_broker", "--host", LOOPBACK, "--port", str(mqtt_port)], lambda: listening(mqtt_port)),
-        Part("session manager", [manage, "run_session_manager"], ManagerBeat.objects.exists),
-        Part("web server", [*DAPHNE, "-b", LOOPBACK, "-p", str(web_port), APPLICATION], lambda: answers(site)),
+        Part("broker", [manage, "run_broker", "--host", LOOPBACK, "--port", str(mqtt_port)], lambda _child: listening(mqtt_port)),
+        Part("session manager", [manage, "run_session_manager"], lambda _child: ManagerBeat.objects.exists()),
+        Part("web server", [*DAPHNE, "-b", LOOPBACK, "-p", str(web_port), APPLICATION], lambda _child: answers(site)),
     ]
     for name, (series, plan) in _robots(definition).items():
         where = plan if plan in shipped_sites() else str(sites / plan)
@@ -141,5 +141,5 @@ def _start(children: Children, definition: Definition, sites: Path) -> str:
     return site
 
 
-def _online(name: str) -> Callable[[], bool]:
-    return lambda: Robot.objects.filter(name=name, connection="ONLINE").exclude(factsheet=None).exists()
+def _online(name: str) -> Callable[[Child], bool]:
+    return lambda _child: Robot.objects.filter(name=name, connection="ONLINE").exclude(factsheet=None).exists()

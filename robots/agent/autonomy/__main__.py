@@ -17,6 +17,7 @@ from robots.agent.autonomy import wire
 from robots.agent.autonomy.area import AreaError, area_of
 from robots.agent.autonomy.mind import Mind, OrderError
 from robots.agent.world.sensing import Beams
+from robots.processes import interrupted_by_signals
 
 log = logging.getLogger(__name__)
 PIECE = 256 << 10
@@ -110,7 +111,7 @@ def main(arguments: Sequence[str]) -> int:
     host, _, port = arguments[0].rpartition(":")
     token = sys.stdin.readline().strip()
     try:
-        with socket.create_connection((host, int(port)), timeout=10.0) as link:
+        with interrupted_by_signals(), socket.create_connection((host, int(port)), timeout=10.0) as link:
             link.settimeout(None)
             link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             link.sendall(framing.pack(wire.Token(token)))

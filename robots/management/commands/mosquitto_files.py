@@ -14,6 +14,7 @@ from django.core.management.base import BaseCommand, CommandError
 from robots.broker.mosquitto import password_file, permission_file, write_private
 from robots.broker.permissions import BrokerUser
 from robots.broker.users import POLL_SECONDS, UsersUnavailableError, read_users, users_now
+from robots.processes import interrupted_by_signals
 
 logger = logging.getLogger(__name__)
 PID_FILE = Path("/run/mosquitto/mosquitto.pid")
@@ -37,7 +38,8 @@ class Command(BaseCommand):
         files = Files(options["directory"], options["pid_file"] if options["reload"] else None)
         try:
             if options["watch"]:
-                asyncio.run(files.follow(options["poll"]))
+                with interrupted_by_signals():
+                    asyncio.run(files.follow(options["poll"]))
                 return
             users = users_now()
             changed = files.update(users)

@@ -4,6 +4,7 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError
 
+from robots.processes import interrupted_by_signals
 from telepresence_site.demo.children import StartFailed
 from telepresence_site.rehearsing.play import PlayFailed, carry_out
 
@@ -16,7 +17,8 @@ class Command(BaseCommand):
 
     def handle(self, *_args: Any, **_options: Any) -> None:
         try:
-            carry_out(lambda line: print(line, flush=True))
+            with interrupted_by_signals():
+                carry_out(lambda line: print(line, flush=True))
         except (PlayFailed, StartFailed) as error:
             raise CommandError(str(error)) from error
         except KeyboardInterrupt:

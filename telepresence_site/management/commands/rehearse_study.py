@@ -15,6 +15,7 @@ from experiments.definition import Study as Definition
 from experiments.models import Study
 from experiments.problems import problems
 from experiments.rehearsal import ConditionReport, Report
+from robots.processes import interrupted_by_signals
 from telepresence_site.rehearsing import sandbox
 from telepresence_site.rehearsing.play import Orders, PlayFailed, play
 from telepresence_site.rehearsing.room import sandbox_folder
@@ -43,7 +44,7 @@ class Command(BaseCommand):
             raise CommandError("\n".join(["It cannot be played as it is:", *wrong]))
         orders = orders_for(study.as_definition(), options["each"], options["seed"], options["speed"])
         try:
-            with sandbox_folder(study.slug) as folder:
+            with interrupted_by_signals(), sandbox_folder(study.slug) as folder:
                 played = play(study, orders, folder, self.stdout.write)
         except (PlayFailed, KeyboardInterrupt) as error:
             rehearsed.keep(rehearsal, None, str(error) or "It was ended.")

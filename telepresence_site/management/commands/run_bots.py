@@ -14,6 +14,7 @@ from experiments.bots.endings import Ending, draw, in_turn
 from experiments.bots.persona import EffectError, effect
 from experiments.models import Study
 from experiments.named_study import study_named
+from robots.processes import ended_by_signals, interrupted_by_signals
 from telepresence_site.rehearsing.play import Orders, PlayFailed, crowd_of, play
 from telepresence_site.rehearsing.room import sandbox_folder
 
@@ -52,13 +53,15 @@ class Command(BaseCommand):
     def _beside(self, study: Study, orders: Orders, url: str) -> list[dict[str, Any]]:
         if study.status == Study.Status.CLOSED:
             raise CommandError("The study is closed: it takes nobody new.")
-        diaries = asyncio.run(crowd_of(study, orders, url, self.stdout.write).run())
+        with ended_by_signals():  # a bot waits minutes for a site that does not answer, and leaves nothing behind
+            diaries = asyncio.run(crowd_of(study, orders, url, self.stdout.write).run())
         return [diary.as_data() for diary in diaries]
 
     def _in_sandbox(self, study: Study, orders: Orders) -> list[dict[str, Any]]:
         with sandbox_folder(study.slug) as folder:
             try:
-                played = play(study, orders, folder, self.stdout.write)
+                with interrupted_by_signals():
+                    played = play(study, orders, folder, self.stdout.write)
             except (PlayFailed, KeyboardInterrupt) as error:
                 raise CommandError(str(error) or "It was ended.") from error
         times = played.seconds / max(played.real_seconds, 1e-6)

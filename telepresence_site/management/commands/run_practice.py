@@ -7,8 +7,11 @@ from typing import Any
 from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError
 
+from robots.processes import END_SIGNALS
 from telepresence_site.practice.robots import prepare
 from telepresence_site.practice.supervisor import Supervisor
+
+READY = "practice ready"
 
 
 class Command(BaseCommand):
@@ -20,8 +23,10 @@ class Command(BaseCommand):
     def handle(self, *_args: Any, **_options: Any) -> None:
         if settings.PRACTICE_ROBOTS < 1:
             raise CommandError("PRACTICE_ROBOTS is 0: say how many visitors may practise at once.")
-        names = prepare(settings.PRACTICE_ROBOTS, settings.MQTT_URL)
         stopping = threading.Event()
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in END_SIGNALS:
             signal.signal(number, lambda *_: stopping.set())
+        names = prepare(settings.PRACTICE_ROBOTS, settings.MQTT_URL)
+        self.stdout.write(READY)
+        self.stdout.flush()
         Supervisor(names, settings.VAR_DIR / "log").run(stopping)

@@ -34,17 +34,24 @@ def test_a_part_that_waits_for_a_later_one_finds_it(children, tmp_path):
         yield
         steps.append(name)
 
-    children.start_together([Part("first", waiting, first.exists), Part("second", touching(second), second.exists)], within=60, step=step)
+    children.start_together(
+        [Part("first", waiting, lambda _child: first.exists()), Part("second", touching(second), lambda _child: second.exists())],
+        within=60,
+        step=step,
+    )
     assert steps == ["first", "second"]
     assert [child.name for child in children.running] == ["first", "second"]
 
 
 def test_a_part_that_ends_is_named_though_another_is_waited_for(children):
-    parts = [Part("broker", ["-c", LIVE], lambda: False), Part("web server", ["-c", "print('port taken'); raise SystemExit(1)"], lambda: True)]
+    parts = [
+        Part("broker", ["-c", LIVE], lambda _child: False),
+        Part("web server", ["-c", "print('port taken'); raise SystemExit(1)"], lambda _child: True),
+    ]
     with pytest.raises(StartFailed, match=r"The web server ended at once: port taken"):
         children.start_together(parts, within=60)
 
 
 def test_a_part_that_is_never_ready_is_named_with_its_last_words(children):
     with pytest.raises(StartFailed, match="The broker was not ready in time"):
-        children.start_together([Part("broker", ["-c", LIVE], lambda: False)], within=0.2)
+        children.start_together([Part("broker", ["-c", LIVE], lambda _child: False)], within=0.2)

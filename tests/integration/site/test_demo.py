@@ -1,64 +1,18 @@
 """manage.py demo as its user meets it: a link that drives, clear endings, and nothing left behind."""
 
 import contextlib
-import os
 import re
 import signal
 import socket
-import subprocess
-import sys
 import urllib.request
-from collections.abc import Iterator
 from pathlib import Path
 
 import psutil
 import pytest
 
 from tests.support.patience import patient
-from tests.support.site import LOOPBACK, ROOT, free_port, wait_for
-
-LINK = re.compile(r"Drive Giraff now:\s+(\S+)")
-
-
-class RunningDemo:
-    """One `manage.py demo`, its output in a file."""
-
-    def __init__(self, var: Path, *arguments: str) -> None:
-        environment = {name: value for name, value in os.environ.items() if name not in {"HTTP_ONLY", "PLAIN_STATIC", "DJANGO_SETTINGS_MODULE"}}
-        self.output = var / "demo.out"
-        var.mkdir(parents=True, exist_ok=True)
-        self.process = subprocess.Popen(
-            [sys.executable, "manage.py", "demo", *arguments], cwd=ROOT, env={**environment, "VAR_DIR": str(var)},
-            stdout=self.output.open("wb"), stderr=subprocess.STDOUT,
-        )  # fmt: skip
-
-    def said(self) -> str:
-        return self.output.read_text(errors="replace")
-
-    def link(self) -> str:
-        def found() -> str | None:
-            assert self.process.poll() is None, self.said()
-            match = LINK.search(self.said())
-            return match.group(1) if match else None
-
-        return wait_for(found, 90, "the demo's link")
-
-    def family(self) -> list[psutil.Process]:
-        return psutil.Process(self.process.pid).children(recursive=True)
-
-    def end(self, number: int = signal.SIGTERM) -> int:
-        if self.process.poll() is None:
-            self.process.send_signal(number)
-        return self.process.wait(patient(20))
-
-
-@contextlib.contextmanager
-def demo(var: Path, *arguments: str) -> Iterator[RunningDemo]:
-    running = RunningDemo(var, *arguments)
-    try:
-        yield running
-    finally:
-        running.end()
+from tests.support.running_demo import demo
+from tests.support.site import LOOPBACK, free_port, wait_for
 
 
 def sessions_of(var: Path) -> list[tuple[str, str]]:
@@ -85,10 +39,13 @@ def test_a_port_that_is_none_is_refused_in_one_sentence(tmp_path, port):
     assert "PORT must be a number" in running.said()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["Ctrl-C", "SIGTERM"])
-def test_the_link_opens_the_robot_and_the_end_leaves_no_process_behind_and_a_second_start_keeps_the_data(tmp_path, number):
+ENDINGS = [(signal.SIGINT, True), (signal.SIGTERM, False)]
+
+
+@pytest.mark.parametrize(("number", "background"), ENDINGS, ids=["Ctrl-C in the background", "SIGTERM"])
+def test_the_link_opens_the_robot_and_the_end_leaves_no_process_behind_and_a_second_start_keeps_the_data(tmp_path, number, background):
     port = free_port()
-    with demo(tmp_path, "--port", str(port)) as running:
+    with demo(tmp_path, "--port", str(port), background=background) as running:
         jar = urllib.request.HTTPCookieProcessor()
         page = urllib.request.build_opener(jar).open(running.link(), timeout=patient(20))
         assert page.status == 200
@@ -99,7 +56,9 @@ def test_the_link_opens_the_robot_and_the_end_leaves_no_process_behind_and_a_sec
         assert "Explore an office with a robot" in urllib.request.build_opener().open(study.group(1), timeout=patient(20)).read().decode()
         family = running.family()
         assert len(family) >= 5
-        assert running.end(number) == 0
+        running.process.send_signal(number)
+        running.waits_to_say("Stopping", 10)
+        assert running.end(number) == 0, "who thinks that it was not heard presses again"
         _, alive = psutil.wait_procs(family, timeout=40)
         assert alive == []
     people = sessions_of(tmp_path)
@@ -115,15 +74,6 @@ def test_a_demo_that_is_killed_takes_its_children_with_it(tmp_path):
         running.end(signal.SIGKILL)
         _, alive = psutil.wait_procs(family, timeout=40)
         assert alive == []
-
-
-def test_a_part_that_dies_ends_the_demo_with_its_name(tmp_path):
-    with demo(tmp_path, "--port", str(free_port())) as running:
-        running.link()
-        manager = next(child for child in running.family() if "run_session_manager" in child.cmdline())
-        manager.kill()
-        assert running.process.wait(patient(20)) == 1
-    assert "The session manager ended" in running.said()
 
 
 def test_starting_over_forgets_what_earlier_runs_stored(tmp_path):

@@ -103,6 +103,8 @@ def test_every_process_is_begun_again_and_may_do_little(unit):
     text = unit.read_text()
     again = unit.with_suffix(".timer").exists() if "Type=oneshot" in text else re.search("^Restart=always$", text, re.MULTILINE)
     assert again, "what ends is neither restarted nor due again"
+    # systemd.unit(5): by default a unit that was started five times within ten seconds is not started any more.
+    assert "Type=oneshot" in text or "\nStartLimitIntervalSec=0\n" in text
     for line in (
         "NoNewPrivileges=yes",
         "ProtectSystem=strict",

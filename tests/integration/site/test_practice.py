@@ -91,7 +91,7 @@ def supervise(names, tmp_path) -> Supervisor:
 
 
 def process(supervisor: Supervisor):
-    return supervisor._running["practice-1"][0].process
+    return supervisor._running["practice-1"].process
 
 
 def visit(visitor: User, robot: Robot, **changes) -> Session:
@@ -147,9 +147,56 @@ def test_a_robot_whose_visitor_has_closed_the_page_is_freed_and_ended(supervisor
     session = drives(ana)
     supervisor.look()
     child = process(supervisor)
-    Session.objects.filter(pk=session.pk).update(state=Session.State.ENDED, live_key=str(session.pk), ended_at=timezone.now())
+    leaves(session)
     supervisor.look()
     assert child.poll() is not None
+
+
+def leaves(session: Session) -> None:
+    Session.objects.filter(pk=session.pk).update(state=Session.State.ENDED, live_key=str(session.pk), ended_at=timezone.now())
+
+
+def test_one_practises_after_the_other_ten_times_and_each_finds_a_robot_that_was_started_for_them(supervisor, ana, monkeypatch):
+    monkeypatch.setattr("telepresence_site.practice.pool.AGAIN", 0.0)
+    visit(ana, Robot.objects.create(name="giraff", title="Giraff"))
+    seen = set()
+    for _ in range(10):
+        supervisor.look()
+        seen.add(process(supervisor).pid)
+        session = drives(ana)
+        supervisor.look()
+        leaves(session)
+        supervisor.look()
+        assert supervisor._running == {}
+    assert len(seen) == 10
+    assert supervisor._children.running == []
+
+
+def test_a_robot_that_is_gone_when_it_is_to_be_ended_is_no_error(supervisor, ana):
+    session = drives(ana)
+    supervisor.look()
+    process(supervisor).kill()
+    process(supervisor).wait()
+    leaves(session)
+    supervisor.look()
+    assert supervisor._running == {}
+    child = supervisor._children.start("practice-1", ["-c", "pass"])
+    supervisor._children.end(child)
+    supervisor._children.end(child)
+
+
+def test_a_robot_that_died_is_named_once_with_its_reason_and_its_log(supervisor, ana, caplog):
+    drives(ana)
+    supervisor.look()
+    process(supervisor).kill()
+    process(supervisor).wait()
+    supervisor.look()
+    supervisor.look()
+    told = [record.getMessage() for record in caplog.records if record.getMessage().startswith("practice_robot_died")]
+    assert len(told) == 1
+    assert "robot=practice-1" in told[0]
+    assert "SIGKILL" in told[0]
+    assert "practice-1.log" in told[0]
 
 
 def test_the_rows_of_practice_robots_are_made_once_and_closed_when_there_are_fewer(practice, settings):

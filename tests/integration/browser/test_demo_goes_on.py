@@ -1,0 +1,22 @@
+"""The demo as somebody who drives it meets it when its parts die, and when others practise meanwhile."""
+
+import signal
+
+import pytest
+
+from tests.support.demo_visitors import demo_with_people
+
+pytestmark = pytest.mark.browser
+
+
+def test_whoever_drives_goes_on_while_another_practises_twice_and_all_servers_are_killed(tmp_path, browser):
+    with demo_with_people(tmp_path / "var", browser) as people:
+        people.ana_sets_out()
+        for _ in range(2):
+            people.cy_practises()
+        people.ana_drives()
+        for death in people.kill("practice supervisor", "broker", "web server", "session manager"):
+            assert "SIGKILL" in death
+            assert ".log)" in death
+        people.ana_drives()
+        assert people.demo.end(signal.SIGINT) == 0
