@@ -77,6 +77,15 @@ class MoosAdapter(RemoteAdapter):
         for key in HEARD:
             self._client.register(key)
 
+    async def _ask(self) -> None:
+        if self._client is None:
+            raise AdapterError(f"{self.place} is not connected")
+        await self._client.ask()
+
+    def _cut(self) -> None:
+        if self._client is not None:
+            self._client.abort()
+
     async def _shut(self) -> None:
         client, self._client = self._client, None
         if client is not None:

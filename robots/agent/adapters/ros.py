@@ -4,12 +4,14 @@ A `Bus` carries messages as JSON objects (ros_words.py); this module knows the t
 localization (`pose`: amcl's topic, or `tf`), or with `localization` "none" from the agent's. Go-to is move_base's or Nav2's.
 """
 
+import asyncio
 import itertools
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Literal, Protocol
 
+import msgspec
 from msgspec import Struct
 
 from robots.agent.adapters import ros_words
@@ -18,6 +20,7 @@ from robots.agent.adapters.errands import Errand
 from robots.agent.adapters.readings import stamp_of
 from robots.agent.adapters.remote import RemoteAdapter, profile_of
 from robots.agent.adapters.robot_profile import RobotProfile
+from robots.agent.adapters.ros_graph import TWIST, TWIST_STAMPED, Graph, Need, chosen_stamped, nobody_listens, not_said
 from robots.agent.adapters.topic_camera import TopicCamera
 from robots.api.geometry import Pose2D
 from robots.api.messages import Action, ActionState, Capability, Dock, Goto, Relocalize, Undock, Velocity
@@ -29,6 +32,14 @@ DONE: dict[int, dict[int, ActionState]] = {
     1: {2: "CANCELLED", 3: "FINISHED", 4: "FAILED", 5: "FAILED", 8: "CANCELLED", 9: "FAILED"},  # actionlib_msgs/GoalStatus
     2: {4: "FINISHED", 5: "CANCELLED", 6: "FAILED"},  # action_msgs/GoalStatus
 }
+STAMPED: dict[str, bool | None] = {
+    "auto": None,
+    **dict.fromkeys(("true", "yes", "on", "1"), True),
+    **dict.fromkeys(("false", "no", "off", "0"), False),
+}
+LISTENERS = 2.0  # seconds in which whoever listens for velocities should be found
+LOOKING = 0.5  # seconds between two looks at who listens, while nobody does
+LOOKING_ROUND = 5.0  # seconds between two looks at all topics
 RUNNING = frozenset({1, 2, 3})  # accepted, executing, cancelling
 log = logging.getLogger(__name__)
 
@@ -41,11 +52,12 @@ class RosOptions(Struct, frozen=True, kw_only=True):
     `watchdog` is the base's own, in seconds. `navigation` is `move_base` (topics of its action), `nav2` (the action), `goal_pose` (a
     topic, and the status of Nav2's action) or `none`. `dock`, `undock` and `cancel_dock` are std_srvs/Trigger services; done is what the
     battery says. `tilt` takes a std_msgs/Float64 in radians, `tilt_joint` is its name in `joint_states`. `bumper` and `estop` are
-    std_msgs/Bool, `image` is a sensor_msgs/CompressedImage. With `stamped` velocities are TwistStamped.
+    std_msgs/Bool, `image` is a sensor_msgs/CompressedImage. `stamped` says whether velocities are TwistStamped; `auto` goes by what
+    listens on `cmd_vel`.
     """
 
     cmd_vel: str = "/cmd_vel"
-    stamped: bool = False
+    stamped: bool | str = "auto"
     odom: str = "/odom"
     scan: str = "/scan"
     battery: str = "/battery_state"
@@ -68,6 +80,10 @@ class RosOptions(Struct, frozen=True, kw_only=True):
     estop: str = ""
     image: str = ""
     watchdog: float = 0.6
+
+    def __post_init__(self) -> None:
+        if str(self.stamped).lower() not in STAMPED:
+            raise ValueError(f"stamped is auto, true or false, not {self.stamped!r}")
 
 
 class Goals(Protocol):
@@ -99,8 +115,31 @@ class Bus(Protocol):
     def subscribe(self, topic: str, kind: str, handler: Handler, *, latched: bool = False, sensor: bool = False, period: float = 0.0) -> None:
         """Hear a topic; `latched` wants its last message too, `sensor` may lose some, `period` is the least time between two."""
 
-    def advertise(self, topic: str, kind: str) -> None:
-        """Say what will be published."""
+    def advertise(self, topic: str, kind: str, *, drives: bool = False) -> None:
+        """Say what will be published; `drives` are velocities."""
+
+    def unadvertise(self, topic: str) -> None:
+        """Say that nothing more will be."""
+
+    async def ask(self) -> None:
+        """Wait until those who should have read what they were told.
+
+        Raises:
+            AdapterError: it is gone.
+        """
+
+    def cut(self) -> None:
+        """Throw away what has not been sent yet; at once."""
+
+    def listeners(self, topic: str) -> int | None:
+        """Return how many hear a topic that drives, as the same type; None when that is not known."""
+
+    async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
+        """Return what others have to do with topics: at least with the one that drives and those `heard`; None when nobody knows.
+
+        Raises:
+            AdapterError: the system is gone.
+        """
 
     def publish(self, topic: str, message: dict[str, Any], *, newest: bool = False) -> None:
         """Send; of those that are `newest` only the last counts, and only while it is fresh.
@@ -141,21 +180,87 @@ class RosAdapter(RemoteAdapter):
         self._latest: frozenset[str] = frozenset()  # the goals of which Nav2 told last
         self._seen: frozenset[str] = frozenset()  # those that were there before ours
         self._knew_goals, self._ours = False, ""
+        self._stamped = STAMPED[str(options.stamped).lower()] or False
+        self._graph: Graph | None = None
+        self._silent: set[str] = set()  # topics of which nothing has come yet
+        self._heard_by: int | None = None
 
     # --- the connection --------------------------------------------------------------------------------------------------
 
     async def _open(self) -> None:
         await self._bus.open(self._lose, self)
         bus, options = self._bus, self._options
-        bus.advertise(options.cmd_vel, "geometry_msgs/TwistStamped" if options.stamped else "geometry_msgs/Twist")
+        self._silent = {need.topic for need in self._needs()}
+        self._graph = await bus.graph(options.cmd_vel, ())
+        self._heard_by = None
+        self._stamped = self._wanted_stamped()
+        bus.advertise(options.cmd_vel, TWIST_STAMPED if self._stamped else TWIST, drives=True)
         for topic, kind in self._said():
             bus.advertise(topic, kind)
         for topic, kind, handler, quality in self._listened():
             if topic:
                 bus.subscribe(topic, kind, self._safely(topic, handler), **quality)
+        self._run(self._watch_listeners())
+        self._run(self._look_round())
 
     async def _shut(self) -> None:
         await self._bus.shut()
+
+    async def _ask(self) -> None:
+        await self._bus.ask()
+
+    def _cut(self) -> None:
+        self._bus.cut()
+
+    # --- who else is there -----------------------------------------------------------------------------------------------
+
+    def _needs(self) -> list[Need]:
+        names = {topic: option for option, topic in msgspec.structs.asdict(self._options).items() if isinstance(topic, str)}
+        return [Need(topic, kind, names[topic]) for topic, kind, _, _ in self._listened() if topic and topic in names]
+
+    def _wanted_stamped(self) -> bool:
+        told = STAMPED[str(self._options.stamped).lower()]
+        return chosen_stamped(self._graph, self._options.cmd_vel, stamped=self._stamped) if told is None else told
+
+    def _unheard(self) -> str:
+        """Say that nobody listens for velocities: of another type they are not heard, and neither side is told."""
+        if self._bus.listeners(self._options.cmd_vel) != 0:
+            return ""
+        return nobody_listens(self._graph, self._options.cmd_vel, stamped=self._stamped)
+
+    async def _settle(self) -> None:
+        deadline = time.monotonic() + LISTENERS
+        while self._unheard() and not self._failure and time.monotonic() < deadline:  # noqa: ASYNC110 -- a bus tells nobody
+            await asyncio.sleep(LOOKING / 10)
+
+    async def _watch_listeners(self) -> None:
+        """Whoever comes to listen is told to stand first; a base that wants another type gets it."""
+        while True:
+            now = self._bus.listeners(self._options.cmd_vel)
+            if now and not self._heard_by:
+                self._tell_to_stand(time.monotonic())
+            self._heard_by = now
+            if not now and self._wanted_stamped() != self._stamped and not self._gate.moving:
+                self._stamped = not self._stamped
+                self._bus.unadvertise(self._options.cmd_vel)
+                self._bus.advertise(self._options.cmd_vel, TWIST_STAMPED if self._stamped else TWIST, drives=True)
+            await asyncio.sleep(LOOKING / 10)
+
+    async def _look_round(self) -> None:
+        """Say what is missing. Not while the robot moves: a rosbridge takes no velocities meanwhile."""
+        waited = LOOKING_ROUND
+        while True:
+            if not self._gate.moving and (waited >= LOOKING_ROUND or self._unheard()):
+                waited = 0.0
+                self._graph = await self._bus.graph(self._options.cmd_vel, sorted(self._silent))
+                silent = [need for need in self._needs() if need.topic in self._silent]
+                self.readings.errors = tuple(filter(None, (self._unheard(), *not_said(self._graph, silent))))
+            waited += LOOKING
+            await asyncio.sleep(LOOKING)
+
+    def _why_silent(self) -> str:
+        odometry = [need for need in self._needs() if need.topic == self._options.odom]
+        return next(iter(not_said(self._graph, odometry)), "")
 
     def _said(self) -> list[tuple[str, str]]:
         options = self._options
@@ -192,6 +297,7 @@ class RosAdapter(RemoteAdapter):
         """What is no such message is logged and as if it had not come: silence is noticed."""
 
         def handle(message: dict[str, Any]) -> None:
+            self._silent.discard(topic)
             try:
                 handler(message)
             except ros_words.RosError as error:
@@ -252,7 +358,7 @@ class RosAdapter(RemoteAdapter):
 
     def _drive(self, velocity: Velocity) -> None:
         message: dict[str, Any] = ros_words.twist(velocity)
-        if self._options.stamped:
+        if self._stamped:
             message = {"header": ros_words.header("base_link", time.time(), self._bus.version), "twist": message}
         self._bus.publish(self._options.cmd_vel, message, newest=True)
 
