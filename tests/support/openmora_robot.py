@@ -59,6 +59,9 @@ class OpenMoraRig(RcaRig):
             await self._client.__aexit__(None, None, None)
         self.world.cancel()
 
+    def freeze(self, *, on):
+        self.broker.freeze(on=on)
+
     async def _listen(self):
         async for delivery in self._client.messages:
             stamp, _, text = delivery.payload.decode().partition("|")

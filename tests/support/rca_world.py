@@ -126,6 +126,10 @@ class RcaRig:
     async def say(self, count):
         """Say what is due in this tick."""
 
+    def freeze(self, *, on):
+        """Stop the process that takes the adapter's orders in its tracks, or let it go on."""
+        raise NotImplementedError
+
     # what a test uses
 
     def __enter__(self):

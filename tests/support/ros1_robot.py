@@ -9,6 +9,7 @@ from pathlib import Path
 
 from robots.agent.adapters import ros1
 from robots.agent.adapters.contract import AdapterError
+from tests.support.frozen import freeze
 from tests.support.patience import patient
 from tests.support.rca_world import RcaRig
 from tests.support.ros_robot import RosRobot
@@ -73,6 +74,10 @@ class Ros1Rig(RcaRig):
     async def up(self):
         self.master.start()
         await self.start_robot()
+
+    def freeze(self, *, on):
+        """Freeze the base's node: the master is not on the way of an order."""
+        freeze(self._bus._child.pid, on=on)
 
     async def start_robot(self):
         self._bus = RobotBus(ros1.Options(master=self.master.uri, ip="127.0.0.1"))

@@ -48,8 +48,9 @@ class RosRobot:
 
     def hear(self, topic, message):
         world = self.world
-        if topic == "/cmd_vel":
-            world.drive(message["linear"]["x"], message["angular"]["z"])
+        if topic.endswith("cmd_vel"):
+            twist = message.get("twist", message)
+            world.drive(twist["linear"]["x"], twist["angular"]["z"])
         elif topic == "/head/command":
             world.tilt(message["data"])
         elif topic == "/initialpose":

@@ -20,7 +20,7 @@ from robots.agent.adapters.errands import Errand
 from robots.agent.adapters.readings import stamp_of
 from robots.agent.adapters.remote import RemoteAdapter, profile_of
 from robots.agent.adapters.robot_profile import RobotProfile
-from robots.agent.adapters.ros_graph import TWIST, TWIST_STAMPED, Graph, Need, chosen_stamped, nobody_listens, not_said
+from robots.agent.adapters.ros_graph import TWIST, TWIST_STAMPED, Graph, Need, TopicPeers, chosen_stamped, nobody_listens, not_said
 from robots.agent.adapters.topic_camera import TopicCamera
 from robots.api.geometry import Pose2D
 from robots.api.messages import Action, ActionState, Capability, Dock, Goto, Relocalize, Undock, Velocity
@@ -38,8 +38,9 @@ STAMPED: dict[str, bool | None] = {
     **dict.fromkeys(("false", "no", "off", "0"), False),
 }
 LISTENERS = 2.0  # seconds in which whoever listens for velocities should be found
-LOOKING = 0.5  # seconds between two looks at who listens, while nobody does
+LOOKING = 0.25  # seconds between two looks at who listens, while nobody does
 LOOKING_ROUND = 5.0  # seconds between two looks at all topics
+OFTEN = 0.12  # seconds between two readings, at most, when an order can wait for the next of them
 RUNNING = frozenset({1, 2, 3})  # accepted, executing, cancelling
 log = logging.getLogger(__name__)
 
@@ -101,6 +102,7 @@ class Bus(Protocol):
 
     version: int
     place: str
+    answers: bool  # whether `ask` asks those who listen for velocities; else it is a reading that says that they live
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
         """Reach it; `lost` hears later why it is gone.
@@ -184,6 +186,8 @@ class RosAdapter(RemoteAdapter):
         self._graph: Graph | None = None
         self._silent: set[str] = set()  # topics of which nothing has come yet
         self._heard_by: int | None = None
+        self._advertised = False
+        self._next_reading: asyncio.Future[None] | None = None
 
     # --- the connection --------------------------------------------------------------------------------------------------
 
@@ -193,8 +197,8 @@ class RosAdapter(RemoteAdapter):
         self._silent = {need.topic for need in self._needs()}
         self._graph = await bus.graph(options.cmd_vel, ())
         self._heard_by = None
-        self._stamped = self._wanted_stamped()
-        bus.advertise(options.cmd_vel, TWIST_STAMPED if self._stamped else TWIST, drives=True)
+        self._advertised = False
+        self._advertise_velocities()
         for topic, kind in self._said():
             bus.advertise(topic, kind)
         for topic, kind, handler, quality in self._listened():
@@ -208,6 +212,9 @@ class RosAdapter(RemoteAdapter):
 
     async def _ask(self) -> None:
         await self._bus.ask()
+        if not self._bus.answers and self._gate.usual < OFTEN:
+            self._next_reading = asyncio.get_running_loop().create_future()
+            await self._next_reading
 
     def _cut(self) -> None:
         self._bus.cut()
@@ -222,29 +229,42 @@ class RosAdapter(RemoteAdapter):
         told = STAMPED[str(self._options.stamped).lower()]
         return chosen_stamped(self._graph, self._options.cmd_vel, stamped=self._stamped) if told is None else told
 
+    def _advertise_velocities(self) -> None:
+        """Say that velocities will come, as who listens wants them; with `stamped=auto` not before somebody does."""
+        topic, wanted = self._options.cmd_vel, self._wanted_stamped()
+        if not self._advertised:
+            is_there = self._graph is None or self._graph.get(topic, TopicPeers(listeners=0)).listeners != 0
+            if not is_there and STAMPED[str(self._options.stamped).lower()] is None:
+                return
+        elif wanted == self._stamped or self._bus.listeners(topic):
+            return
+        else:
+            self._bus.unadvertise(topic)
+        self._stamped, self._advertised = wanted, True
+        self._bus.advertise(topic, TWIST_STAMPED if wanted else TWIST, drives=True)
+
+    def _listeners(self) -> int | None:
+        return self._bus.listeners(self._options.cmd_vel) if self._advertised else 0
+
     def _unheard(self) -> str:
         """Say that nobody listens for velocities: of another type they are not heard, and neither side is told."""
-        if self._bus.listeners(self._options.cmd_vel) != 0:
-            return ""
-        return nobody_listens(self._graph, self._options.cmd_vel, stamped=self._stamped)
+        return nobody_listens(self._graph, self._options.cmd_vel, stamped=self._stamped) if self._listeners() == 0 else ""
 
     async def _settle(self) -> None:
         deadline = time.monotonic() + LISTENERS
         while self._unheard() and not self._failure and time.monotonic() < deadline:  # noqa: ASYNC110 -- a bus tells nobody
-            await asyncio.sleep(LOOKING / 10)
+            await asyncio.sleep(LOOKING / 5)
 
     async def _watch_listeners(self) -> None:
         """Whoever comes to listen is told to stand first; a base that wants another type gets it."""
         while True:
-            now = self._bus.listeners(self._options.cmd_vel)
+            now = self._listeners()
             if now and not self._heard_by:
                 self._tell_to_stand(time.monotonic())
             self._heard_by = now
-            if not now and self._wanted_stamped() != self._stamped and not self._gate.moving:
-                self._stamped = not self._stamped
-                self._bus.unadvertise(self._options.cmd_vel)
-                self._bus.advertise(self._options.cmd_vel, TWIST_STAMPED if self._stamped else TWIST, drives=True)
-            await asyncio.sleep(LOOKING / 10)
+            if not self._gate.moving:
+                self._advertise_velocities()
+            await asyncio.sleep(LOOKING / 5)
 
     async def _look_round(self) -> None:
         """Say what is missing. Not while the robot moves: a rosbridge takes no velocities meanwhile."""
@@ -311,6 +331,8 @@ class RosAdapter(RemoteAdapter):
         here, velocity = ros_words.odometry_in(message)
         arrived = time.time()
         self.readings.moved(here, velocity, stamp_of(ros_words.stamp_in(message, arrived), arrived), time.monotonic())
+        if self._next_reading is not None and not self._next_reading.done():
+            self._next_reading.set_result(None)
         self._heard()
 
     def _fix(self, message: dict[str, Any]) -> None:
@@ -358,6 +380,8 @@ class RosAdapter(RemoteAdapter):
 
     def _drive(self, velocity: Velocity) -> None:
         message: dict[str, Any] = ros_words.twist(velocity)
+        if not self._advertised:
+            return  # nobody is there to hear it
         if self._stamped:
             message = {"header": ros_words.header("base_link", time.time(), self._bus.version), "twist": message}
         self._bus.publish(self._options.cmd_vel, message, newest=True)

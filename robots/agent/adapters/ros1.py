@@ -59,6 +59,7 @@ class NodeBus:
     """See ros.Bus. One child process for each connection: rospy cannot begin again in the same one."""
 
     version = 1
+    answers = True
     script = NODE
 
     def __init__(self, options: Options) -> None:

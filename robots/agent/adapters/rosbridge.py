@@ -8,6 +8,7 @@ import contextlib
 import itertools
 import json
 import logging
+import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -28,6 +29,8 @@ except ImportError as error:
 
 ANSWER_TIME = 10.0
 ROSAPI_TIME = 2.0
+REFUSED = 2.0  # seconds after which what rosbridge refused is tried again
+ESTABLISHED = re.compile(r"established with type (\S+)")  # internal/topics.py, TypeConflictException
 CLOSING = 1.0
 LARGEST = 16 << 20  # bytes of a message: maps and clouds that nobody asked for are larger
 PING = 2.0  # seconds between pings, and until one counts as lost
@@ -58,6 +61,8 @@ def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
 class RosbridgeBus:
     """See ros.Bus."""
 
+    answers = True
+
     def __init__(self, url: str, version: int) -> None:
         self.version, self.place = version, f"rosbridge at {url}"
         self._url = url
@@ -69,6 +74,8 @@ class RosbridgeBus:
         self._task: asyncio.Task[None] | None = None
         self._goals: Goals | None = None
         self._graph: Graph | None = None
+        self._advertised: dict[str, dict[str, Any]] = {}
+        self._refused: dict[str, str] = {}  # by topic the type that it has, "" when rosbridge does not say
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
         """Connect.
@@ -80,6 +87,8 @@ class RosbridgeBus:
         self._outgoing.clear()
         self._handlers.clear()
         self._graph = None
+        self._advertised.clear()
+        self._refused.clear()
         try:
             self._socket = await connect(self._url, max_size=LARGEST, ping_interval=PING, ping_timeout=PING, close_timeout=CLOSING, compression=None)
         except (OSError, WebSocketException, TimeoutError) as error:
@@ -165,7 +174,7 @@ class RosbridgeBus:
             case {"op": "action_result", "id": str(name)} if self._goals is not None:
                 self._goal_ended(name, message)
             case {"op": "status", "level": "error" | "warning", "msg": text}:
-                log.warning("rosbridge_complains", extra={"text": str(text)[:300]})
+                self._complained(message.get("id"), str(text))
 
     def _goal_ended(self, name: str, message: dict[str, Any]) -> None:
         assert self._goals is not None
@@ -186,15 +195,35 @@ class RosbridgeBus:
     def advertise(self, topic: str, kind: str, *, drives: bool = False) -> None:
         """Say what will be published; of velocities rosbridge is to keep only the newest."""
         entry = {"op": "advertise", "id": f"a{next(self._ids)}", "topic": topic, "type": self._type(kind)}
-        self._outgoing.say(entry | ({"queue_size": 1} if drives else {}))
+        self._advertised[topic] = entry | ({"queue_size": 1} if drives else {})
+        self._refused.pop(topic, None)
+        self._outgoing.say(self._advertised[topic])
 
     def unadvertise(self, topic: str) -> None:
         """Say that nothing more will be published."""
-        self._outgoing.say({"op": "unadvertise", "topic": topic})
+        entry = self._advertised.pop(topic, None)
+        if entry is not None:
+            self._outgoing.say({"op": "unadvertise", "id": entry["id"], "topic": topic})
+
+    def _advertise_again(self, entry: dict[str, Any]) -> None:
+        """Try again what was refused: rosbridge keeps a publisher, and its type, for ten seconds after its last client."""
+        if self._advertised.get(entry["topic"]) == entry and self._socket is not None:
+            self._refused.pop(entry["topic"], None)
+            self._outgoing.say(entry)
+
+    def _complained(self, about: Any, text: str) -> None:
+        log.warning("rosbridge_complains", extra={"text": text[:300]})
+        for topic, entry in self._advertised.items():
+            if entry["id"] == about:
+                there = ESTABLISHED.search(text)
+                self._refused[topic] = _short(there[1]) if there else ""
+                asyncio.get_running_loop().call_later(REFUSED, self._advertise_again, entry)
 
     def listeners(self, topic: str) -> int | None:
-        """Return how many nodes listened when that was looked up last; None where rosapi does not run."""
-        known = self._graph.get(topic) if self._graph is not None else None
+        """Return how many nodes listened when that was looked up last, none when we are refused; None where rosapi does not run."""
+        if topic in self._refused:
+            return 0
+        known = (self._graph or {}).get(topic)
         return known.listeners if known is not None else None
 
     async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
@@ -211,9 +240,10 @@ class RosbridgeBus:
                 kind = frozenset({kinds[topic]} if topic in kinds else ())
                 found[topic] = TopicPeers(kind, speakers=len(speaking["publishers"]))
         except (AdapterError, KeyError, TypeError):
-            self._graph = None
-        else:
-            self._graph = found
+            found = {}
+        if self._refused.get(driving):  # the only way to hear of it without rosapi
+            found[driving] = TopicPeers(frozenset({self._refused[driving]}), listeners=1)
+        self._graph = found or None
         return self._graph
 
     def publish(self, topic: str, message: dict[str, Any], *, newest: bool = False) -> None:

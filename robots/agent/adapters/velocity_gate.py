@@ -50,6 +50,11 @@ class VelocityGate:
         self._sent_at = -math.inf
 
     @property
+    def usual(self) -> float:
+        """Return the seconds between two readings, as they mostly are."""
+        return self._usual
+
+    @property
     def moving(self) -> bool:
         """Whether the robot was told to move last."""
         return self._sent != ZERO
