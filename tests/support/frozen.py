@@ -16,14 +16,14 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 class ServerProcess:
-    """`python -m MODULE HOST PORT`; `start` returns when it listens."""
+    """`python -m MODULE HOST PORT WORDS`; `start` returns when it listens."""
 
-    def __init__(self, module, host="127.0.0.1"):
-        self.module, self.host, self.port = module, host, free_port()
+    def __init__(self, module, host="127.0.0.1", words=()):
+        self.module, self.host, self.port, self.words = module, host, free_port(), words
         self._process = None
 
     def start(self):
-        command = [sys.executable, "-m", self.module, self.host, str(self.port)]
+        command = [sys.executable, "-m", self.module, self.host, str(self.port), *self.words]
         self._process = subprocess.Popen(command, cwd=ROOT)
         deadline = time.monotonic() + patient(15.0)
         while not self._answers():

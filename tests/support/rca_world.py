@@ -7,6 +7,7 @@ import asyncio
 import math
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,13 +27,17 @@ BEFORE_DOCK = {"giraff": "0.8,6.3,3.14159", "rhodon": "11.26,1.0,0.0"}
 class RcaWorld:
     """One robot, in real time. `journey` is "", "running", "done" or "failed"; whoever drives by hand ends it."""
 
+    watchdog = None  # seconds, where it is another one than the simulated robot's
+
     def __init__(self, series, start="corridor-centre"):
         self.series, self.start = series, start
         self.reset()
 
     def reset(self, start=None):
         plan, _ = load_plan("office")
-        self.sim = Simulation(model_of(self.series), plan, seed=3, start=start or self.start)
+        model = model_of(self.series)
+        model = model if self.watchdog is None else replace(model, watchdog=self.watchdog)
+        self.sim = Simulation(model, plan, seed=3, start=start or self.start)
         self.playback = Playback(self.sim, time.monotonic(), time.time())
         self.journey, self.goal, self.kind = "", None, ""
         self.commands = []  # (monotonic time, linear, angular)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tests.support.frozen import freeze
 from tests.support.rca_world import RcaRig
-from tests.support.ros_robot import RosRobot
+from tests.support.ros_robot import BASE, RosRobot
 
 ROOT = Path(__file__).resolve().parents[2]
 LOOPBACK = (
@@ -22,12 +22,12 @@ STATUS = "/navigate_to_pose/_action/status"
 class Ros2Rig(RcaRig):
     adapter_name = "ros2"
 
-    def __init__(self, series="giraff", words=()):
+    def __init__(self, series="giraff", base=BASE, words=()):
         super().__init__(series)
-        self.words = words  # of the base: its topic of velocities, their type, best-effort
+        self.words = (*base, *words)
         worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
         self.domain = 20 + os.getpid() % 20 * 4 + worker % 4  # another one than that of any other process of this run
-        self.robot = RosRobot(self.world, 2)
+        self.robot = RosRobot(self.world, 2, base)
         self.goals = 0
         self._node = self._listening = None
 

@@ -25,15 +25,12 @@ def hear(bus, topic, kind, *, best_effort):
     bus._readers.append((reader, lambda message: say(topic, message)))
 
 
-async def main(domain, cmd_vel="/cmd_vel", velocity="geometry_msgs/Twist", best_effort=""):
+async def main(domain, cmd_vel, velocity, best_effort=""):
     bus = DdsBus(domain)
     await bus.open(sys.exit, None)
     for topic, kind in (RosRobot.TOPICS | GOALS).items():
         bus.advertise(topic, kind, latched=topic in LATCHED, sensor=topic == "/scan")
-    heard = {name: kind for name, kind in RosRobot.HEARS.items() if name != "/cmd_vel"} | {
-        "/goal_pose": "geometry_msgs/PoseStamped",
-        cmd_vel: velocity,
-    }
+    heard = RosRobot.COMMANDS | {"/goal_pose": "geometry_msgs/PoseStamped", cmd_vel: velocity}
     for topic, kind in heard.items():
         hear(bus, topic, kind, best_effort=best_effort == "best-effort")
     loop, ended = asyncio.get_running_loop(), asyncio.Event()

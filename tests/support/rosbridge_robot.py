@@ -9,7 +9,7 @@ from websockets.exceptions import ConnectionClosed
 
 from tests.support.frozen import ServerProcess
 from tests.support.rca_world import RcaRig
-from tests.support.ros_robot import RosRobot
+from tests.support.ros_robot import BASE, RosRobot
 
 DOCKING = ("/dock", "/undock", "/cancel_dock")
 NAVIGATE = "/navigate_to_pose"
@@ -20,11 +20,11 @@ class RosbridgeRig(RcaRig):
 
     adapter_name = "rosbridge"
 
-    def __init__(self, series, version, url="", listening="127.0.0.1"):
+    def __init__(self, series, version, url="", *, listening="127.0.0.1", base=BASE, words=()):
         super().__init__(series)
         self.version, self._url = version, url
-        self.server = None if url else ServerProcess("tests.support.rosbridge_server", listening)
-        self.robot = RosRobot(self.world, version)
+        self.server = None if url else ServerProcess("tests.support.rosbridge_server", listening, words)
+        self.robot = RosRobot(self.world, version, base)
         self._socket = self._listening = None
         self._nav_goal = None
 
@@ -48,14 +48,17 @@ class RosbridgeRig(RcaRig):
         topics = self.robot.TOPICS | ({"/move_base/status": "", "/move_base/result": ""} if self.version == 1 else {})
         for topic in topics:
             await self._send({"op": "advertise", "topic": topic, "type": self._type(topic), "latch": topic == "/amcl_pose"})
-        for topic in self.robot.HEARS | ({"/move_base/goal": "", "/move_base/cancel": ""} if self.version == 1 else {}):
-            await self._send({"op": "subscribe", "topic": topic, "type": self._type(topic)})
+        for topic in self.robot.hears | ({"/move_base/goal": "", "/move_base/cancel": ""} if self.version == 1 else {}):
+            await self.listen(topic)
         for service in DOCKING:
             await self._send({"op": "advertise_service", "service": service, "type": self._spelled("std_srvs/Trigger", "srv")})
         if self.version == 2:
             await self._send({"op": "advertise_action", "action": NAVIGATE, "type": "nav2_msgs/action/NavigateToPose"})
         self.robot.restarted()
         self._listening = asyncio.ensure_future(self._listen())
+
+    async def listen(self, topic):
+        await self._send({"op": "subscribe", "topic": topic, "type": self._type(topic)})
 
     async def down(self):
         self._listening.cancel()
@@ -74,7 +77,7 @@ class RosbridgeRig(RcaRig):
 
     def _type(self, topic):
         robot = self.robot
-        return self._spelled((robot.TOPICS | robot.HEARS | robot.MOVE_BASE)[topic], "msg")
+        return self._spelled((robot.TOPICS | robot.hears | robot.MOVE_BASE)[topic], "msg")
 
     def _spelled(self, kind, group):
         return kind if self.version == 1 else kind.replace("/", f"/{group}/")

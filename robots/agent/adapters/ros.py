@@ -39,6 +39,7 @@ STAMPED: dict[str, bool | None] = {
 }
 LISTENERS = 2.0  # seconds in which whoever listens for velocities should be found
 LOOKING = 0.25  # seconds between two looks at who listens, while nobody does
+SETTLING = 3.0  # seconds after which a topic that nobody publishes is missing
 LOOKING_ROUND = 5.0  # seconds between two looks at all topics
 OFTEN = 0.12  # seconds between two readings, at most, when an order can wait for the next of them
 RUNNING = frozenset({1, 2, 3})  # accepted, executing, cancelling
@@ -268,15 +269,19 @@ class RosAdapter(RemoteAdapter):
 
     async def _look_round(self) -> None:
         """Say what is missing. Not while the robot moves: a rosbridge takes no velocities meanwhile."""
-        waited = LOOKING_ROUND
+        began = time.monotonic()
+        due = began
         while True:
-            if not self._gate.moving and (waited >= LOOKING_ROUND or self._unheard()):
-                waited = 0.0
+            now = time.monotonic()
+            if not self._gate.moving and (now >= due or self._unheard()):
+                due = now + LOOKING_ROUND
                 self._graph = await self._bus.graph(self._options.cmd_vel, sorted(self._silent))
-                silent = [need for need in self._needs() if need.topic in self._silent]
-                self.readings.errors = tuple(filter(None, (self._unheard(), *not_said(self._graph, silent))))
-            waited += LOOKING
+            missing = not_said(self._graph, self._silent_needs()) if now - began > SETTLING else ()
+            self.readings.errors = tuple(filter(None, (self._unheard(), *missing)))
             await asyncio.sleep(LOOKING)
+
+    def _silent_needs(self) -> list[Need]:
+        return [need for need in self._needs() if need.topic in self._silent]
 
     def _why_silent(self) -> str:
         odometry = [need for need in self._needs() if need.topic == self._options.odom]

@@ -15,6 +15,7 @@ a second loses its connection, by a reset, and is told to stand when it comes ba
 # ruff: noqa: D102, D103, PLC0415, SIM105, SLF001, I001, UP -- read by old Pythons; rospy is imported where its absence can be told
 
 import base64
+import functools
 import http.client
 import json
 import math
@@ -83,7 +84,8 @@ class Node:
         self.subscribers: Any = []
         self.driving = ""  # the topic of velocities
         self.driven: Any = None  # (topic, monotonic time) while the robot may be moving
-        self.master = rosgraph.Master("/telepresence")
+        self.new_master: Any = functools.partial(rosgraph.Master, "/telepresence")  # one for each thread: it has one connection
+        self.master = self.new_master()
         self.unreachable = (OSError, http.client.HTTPException, xmlrpc.client.Error, rosgraph.MasterException)
         self.uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
         socket.setdefaulttimeout(MASTER_TIME)
@@ -152,19 +154,20 @@ class Node:
         self.questions.put(number)
 
     def answer_questions(self) -> None:
+        master = self.new_master()
         while True:
             number = self.questions.get()
-            self.drop_the_dead()
+            self.drop_the_dead(master)
             self.say(op="response", number=number)
 
-    def drop_the_dead(self) -> None:
+    def drop_the_dead(self, master: Any) -> None:
         """Ask everybody who listens for velocities, and let go of who does not answer."""
         publisher = self.publishers.get(self.driving)
         for connection in list(publisher.impl.connections) if publisher is not None else []:
             name = connection.endpoint_id
             try:
                 if name not in self.listeners:
-                    self.listeners[name] = Listener(self.master.lookupNode(name))
+                    self.listeners[name] = Listener(master.lookupNode(name))
                 lives = self.listeners[name].lives()
             except self.unreachable:
                 lives = True  # it is no node of this master's any more; its connection will say so
@@ -179,8 +182,9 @@ class Node:
     def look_round(self, number: int, driving: str) -> None:
         found: Any = {}
         try:
-            own, kinds = self.rospy.get_name(), dict(self.master.getTopicTypes())
-            speaking, listening, _ = self.master.getSystemState()
+            master, own = self.new_master(), self.rospy.get_name()
+            kinds = dict(master.getTopicTypes())
+            speaking, listening, _ = master.getSystemState()
             for which, topics in ((2, speaking), (1, listening)):
                 for topic, nodes in topics:
                     entry = found.setdefault(topic, [[kinds[topic]] if topic in kinds else [], 0, 0])
@@ -266,7 +270,7 @@ class Node:
         driven, self.driven = self.driven, None
         if driven is not None:
             publisher = self.publishers[driven[0]]
-            publisher.publish(publisher.data_class())
+            publisher.publish(standing(publisher.data_class))
             time.sleep(GLANCE)
 
     def watch_master(self) -> None:
@@ -316,6 +320,16 @@ class Node:
         return message
 
 
+def standing(kind: Any) -> Any:
+    """Return the velocity zero, said now: a base may refuse one that is old."""
+    import rospy
+
+    message = kind()
+    if hasattr(message, "header"):
+        message.header.stamp, message.header.frame_id = rospy.Time.now(), "base_link"
+    return message
+
+
 class Standing:
     """A listener of rospy's: who comes to hear velocities hears first that the robot stands."""
 
@@ -323,7 +337,7 @@ class Standing:
         self.kind = kind
 
     def peer_subscribe(self, _topic: Any, _publish_all: Any, publish: Any) -> None:
-        publish(self.kind())
+        publish(standing(self.kind))
 
     def peer_unsubscribe(self, _topic: Any, _count: Any) -> None:
         pass

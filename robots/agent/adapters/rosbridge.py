@@ -75,7 +75,7 @@ class RosbridgeBus:
         self._goals: Goals | None = None
         self._graph: Graph | None = None
         self._advertised: dict[str, dict[str, Any]] = {}
-        self._refused: dict[str, str] = {}  # by topic the type that it has, "" when rosbridge does not say
+        self._refused: dict[str, tuple[int, str]] = {}  # by topic which refusal, and the type that it has, "" when rosbridge does not say
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
         """Connect.
@@ -196,8 +196,7 @@ class RosbridgeBus:
         """Say what will be published; of velocities rosbridge is to keep only the newest."""
         entry = {"op": "advertise", "id": f"a{next(self._ids)}", "topic": topic, "type": self._type(kind)}
         self._advertised[topic] = entry | ({"queue_size": 1} if drives else {})
-        self._refused.pop(topic, None)
-        self._outgoing.say(self._advertised[topic])
+        self._say_advertised(self._advertised[topic])
 
     def unadvertise(self, topic: str) -> None:
         """Say that nothing more will be published."""
@@ -208,15 +207,24 @@ class RosbridgeBus:
     def _advertise_again(self, entry: dict[str, Any]) -> None:
         """Try again what was refused: rosbridge keeps a publisher, and its type, for ten seconds after its last client."""
         if self._advertised.get(entry["topic"]) == entry and self._socket is not None:
-            self._refused.pop(entry["topic"], None)
-            self._outgoing.say(entry)
+            self._say_advertised(entry)
+
+    def _say_advertised(self, entry: dict[str, Any]) -> None:
+        self._outgoing.say(entry)
+        if entry["topic"] in self._refused:
+            asyncio.get_running_loop().call_later(REFUSED / 4, self._believe, entry["topic"], self._refused[entry["topic"]])
+
+    def _believe(self, topic: str, refusal: tuple[int, str]) -> None:
+        """Take it that nothing is refused any more: rosbridge has not complained again, and says nothing else."""
+        if self._refused.get(topic) == refusal:
+            del self._refused[topic]
 
     def _complained(self, about: Any, text: str) -> None:
         log.warning("rosbridge_complains", extra={"text": text[:300]})
         for topic, entry in self._advertised.items():
             if entry["id"] == about:
                 there = ESTABLISHED.search(text)
-                self._refused[topic] = _short(there[1]) if there else ""
+                self._refused[topic] = next(self._ids), _short(there[1]) if there else ""
                 asyncio.get_running_loop().call_later(REFUSED, self._advertise_again, entry)
 
     def listeners(self, topic: str) -> int | None:
@@ -241,8 +249,9 @@ class RosbridgeBus:
                 found[topic] = TopicPeers(kind, speakers=len(speaking["publishers"]))
         except (AdapterError, KeyError, TypeError):
             found = {}
-        if self._refused.get(driving):  # the only way to hear of it without rosapi
-            found[driving] = TopicPeers(frozenset({self._refused[driving]}), listeners=1)
+        if driving in self._refused:  # the only way to hear of it without rosapi
+            there = self._refused[driving][1]
+            found[driving] = TopicPeers(frozenset({there} if there else ()), listeners=1)
         self._graph = found or None
         return self._graph
 

@@ -25,7 +25,7 @@ def press(rig, orders, until, within=15.0):
         time.sleep(0.05)
 
 
-PEERS = RIGS | {"ros2, best effort": lambda _: Ros2Rig("giraff", ("/cmd_vel", "geometry_msgs/Twist", "best-effort"))}
+PEERS = RIGS | {"ros2, best effort": lambda _: Ros2Rig("giraff", words=["best-effort"])}
 
 
 @pytest.mark.parametrize("name", PEERS)
