@@ -51,6 +51,7 @@ class RemoteAdapter(ABC):
 
     place = "the robot control architecture"
     vital = "its readings"
+    must_answer = True  # whether an RCA that does not answer is lost while its readings come
 
     def __init__(self, profile: Profile, battery: BatteryRange | None = None) -> None:
         self.profile = profile
@@ -290,7 +291,7 @@ class RemoteAdapter(ABC):
             now = time.monotonic()
             if not self._failure and now - self.readings.heard_at > SILENCE:
                 self._lose(f"{self.place} says nothing of {self.vital} any more")
-            if not self._failure and self._gate.unanswered(now) > SILENCE:
+            if not self._failure and self.must_answer and self._gate.unanswered(now) > SILENCE:
                 self._lose(f"{self.place} does not answer any more")
             if self._failure:
                 self.errands.end_all(self._failure)

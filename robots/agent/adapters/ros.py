@@ -176,6 +176,7 @@ class RosAdapter(RemoteAdapter):
         self._options, self._bus = options, bus
         self._navigation = options.navigation or ("move_base" if bus.version == 1 else "nav2")
         super().__init__(profile_of(robot, rca, options.watchdog, own=_abilities(options, self._navigation)), robot.battery)
+        self.must_answer = bus.answers
         self.place, self.vital = bus.place, f"its odometry on {options.odom}"
         self._counter = itertools.count(1)
         self._camera = TopicCamera(options.image) if options.image else None
@@ -277,7 +278,8 @@ class RosAdapter(RemoteAdapter):
                 due = now + LOOKING_ROUND
                 self._graph = await self._bus.graph(self._options.cmd_vel, sorted(self._silent))
             missing = not_said(self._graph, self._silent_needs()) if now - began > SETTLING else ()
-            self.readings.errors = tuple(filter(None, (self._unheard(), *missing)))
+            hangs = self._gate.shut(time.monotonic())
+            self.readings.errors = tuple(filter(None, (hangs and f"{self.place} {hangs}", self._unheard(), *missing)))
             await asyncio.sleep(LOOKING)
 
     def _silent_needs(self) -> list[Need]:

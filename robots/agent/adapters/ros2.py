@@ -10,6 +10,7 @@ import contextlib
 import gc
 import logging
 import os
+import time
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -37,6 +38,7 @@ AT_ONCE = 20
 MOST_ENDPOINTS = 5000
 DEPTH = 10
 GLANCE = 0.002
+BYSTANDER = 1.0
 BLOCKING = 10_000_000  # nanoseconds that a full history may hold us up
 
 log = logging.getLogger(__name__)
@@ -88,6 +90,7 @@ class DdsBus:
         self._task: asyncio.Task[None] | None = None
         self._endpoints: list[_Endpoints] = []
         self._driving: Any = None  # the writer of velocities
+        self._has_bystanders = False
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
         """Join the domain.
@@ -110,9 +113,10 @@ class DdsBus:
             task.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await task
+        entities = [self._readers, self._writers, self._topics, self._endpoints, self._driving, self._participant]
         self._readers, self._writers, self._topics, self._participant = [], {}, {}, None
         self._endpoints, self._driving = [], None
-        gc.collect(0)  # entities leave when they are forgotten
+        await asyncio.to_thread(_forget, entities)
 
     def _topic(self, name: str, kind: str) -> Any:
         if name not in self._topics:
@@ -139,16 +143,28 @@ class DdsBus:
         gc.collect(0)
 
     async def ask(self) -> None:
-        """Wait until every reliable reader has acknowledged the velocity of before: one that hangs does not."""
-        while self._driving is not None and not _acknowledged(self._driving):  # noqa: ASYNC110 -- DDS tells nobody
+        """Wait until every reliable reader has acknowledged the velocity of before: one that hangs does not.
+
+        Where several listen, one that owes it for a second may be a bystander that has died; then readings alone say who lives.
+        """
+        began = time.monotonic()
+        while self._driving is not None and not _acknowledged(self._driving):
+            if self._has_bystanders or (time.monotonic() - began > BYSTANDER and self._matched(self._driving) > 1):
+                self._has_bystanders = True
+                return
             await asyncio.sleep(GLANCE)
+        self._has_bystanders = False
 
     def cut(self) -> None:
         """Do nothing: of velocities, DDS keeps the newest, which is a zero."""
 
     def listeners(self, topic: str) -> int | None:
         """Return how many readers of this topic and type there are."""
-        return int(self._writers[topic][0].get_publication_matched_status().current_count) if topic in self._writers else None
+        return self._matched(self._writers[topic][0]) if topic in self._writers else None
+
+    @staticmethod
+    def _matched(writer: Any) -> int:
+        return int(writer.get_publication_matched_status().current_count)
 
     async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
         """Return what others have said of their topics."""
@@ -204,6 +220,12 @@ class DdsBus:
                 await asyncio.sleep(POLL)
         except DDSException as error:
             lost(f"{self.place} is gone: {error}")
+
+
+def _forget(entities: list[Any]) -> None:
+    """Let entities leave, which they do when they are forgotten: a writer waits a second for acknowledgements."""
+    entities.clear()
+    gc.collect(0)
 
 
 def _acknowledged(writer: Any) -> bool:
