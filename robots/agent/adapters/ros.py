@@ -41,7 +41,7 @@ LISTENERS = 2.0  # seconds in which whoever listens for velocities should be fou
 LOOKING = 0.25  # seconds between two looks at who listens, while nobody does
 SETTLING = 3.0  # seconds after which a topic that nobody publishes is missing
 LOOKING_ROUND = 5.0  # seconds between two looks at all topics
-OFTEN = 0.12  # seconds between two readings, at most, when an order can wait for the next of them
+OFTEN = 0.1  # seconds between two readings, at most, when an order can wait for the next of them
 RUNNING = frozenset({1, 2, 3})  # accepted, executing, cancelling
 log = logging.getLogger(__name__)
 
