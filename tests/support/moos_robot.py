@@ -6,6 +6,7 @@ NavigatorReactivePTG/CReacNavPTGApp.cpp (goals and their events), Executor/TExec
 WorldModel/CAHGraphApp.cpp (the nearest place), and those named in openmora_rules.py.
 """
 
+import asyncio
 import contextlib
 import math
 import time
@@ -13,7 +14,7 @@ import time
 from robots.agent.adapters.contract import AdapterError
 from robots.agent.adapters.moos_client import MoosClient
 from tests.support import openmora_rules
-from tests.support.moosdb import MoosDb
+from tests.support.frozen import ServerProcess
 from tests.support.patience import patient
 from tests.support.rca_world import RcaRig
 
@@ -32,9 +33,9 @@ class MoosRig(RcaRig):
 
     adapter_name = "moos"
 
-    def __init__(self, series="giraff", address=""):
+    def __init__(self, series="giraff", address="", listening="127.0.0.1"):
         super().__init__(series)
-        self.db = None if address else MoosDb()
+        self.db = None if address else ServerProcess("tests.support.moosdb", listening)
         self._address = address
         self._client = None
         self._began = 0.0
@@ -46,7 +47,7 @@ class MoosRig(RcaRig):
         self.bumped = 0.0
 
     def where(self):
-        host, _, port = (self._address or f"127.0.0.1:{self.db.port}").rpartition(":")
+        host, _, port = (self._address or f"{self.db.host}:{self.db.port}").rpartition(":")
         return host, int(port)
 
     def options(self):
@@ -55,7 +56,7 @@ class MoosRig(RcaRig):
 
     async def up(self):
         if self.db:
-            await self.db.start()
+            await asyncio.to_thread(self.db.start)
         host, port = self.where()
         self._client = MoosClient("OpenMORA", host, port, self._take, lambda _: None)
         self._began = time.time()
@@ -65,12 +66,15 @@ class MoosRig(RcaRig):
 
     async def down(self):
         if self.db:
-            await self.db.stop()
+            self.db.kill()
         await self._client.close()
         self.world.cancel()
 
     async def after_reset(self):
         self._mode, self._plan, self._told = MANUAL, [], ""
+
+    def freeze(self, *, on):
+        self.db.freeze(on=on)
 
     def _take(self, mail):
         if mail.time < self._began:

@@ -1,8 +1,13 @@
-"""A MOOSDB that speaks the real wire: greeting, registration, the last value on registration, clients that fall silent, names taken."""
+"""A MOOSDB that speaks the real wire: greeting, registration, the last value on registration, clients that fall silent, names taken.
+
+As core-moos has it: a message of timing is answered when it leads its packet, and only then, after the packets of before
+(Core/libMOOS/Comms/ThreadedCommServer.cpp, ProcessClient). `python -m tests.support.moosdb HOST PORT` is one in a process of its own.
+"""
 
 import asyncio
 import contextlib
 import fnmatch
+import sys
 import time
 from dataclasses import replace
 
@@ -13,14 +18,14 @@ SILENCE = 5.0
 
 
 class MoosDb:
-    def __init__(self, community="test"):
-        self.community, self.port = community, 0
+    def __init__(self, community="test", host="127.0.0.1", port=0):
+        self.community, self.host, self.port = community, host, port
         self.clients, self.values = {}, {}
         self._registered, self._wild = {}, {}
         self._server = None
 
     async def start(self):
-        self._server = await asyncio.start_server(self._client, "127.0.0.1", self.port)
+        self._server = await asyncio.start_server(self._client, self.host, self.port)
         self.port = self._server.sockets[0].getsockname()[1]
 
     async def stop(self):
@@ -37,7 +42,10 @@ class MoosDb:
             while name is not None:
                 async with asyncio.timeout(SILENCE):
                     mails = await self._packet(reader)
-                answers = [answer for mail in mails for answer in self._take(name, mail)]
+                answers = []
+                if mails and mails[0].type == wire.TIMING:
+                    answers.append(replace(mails.pop(0), value=time.time(), second=0.0))
+                answers += [answer for mail in mails for answer in self._take(name, mail)]
                 if answers:
                     writer.write(wire.pack(answers))
         except (OSError, TimeoutError, asyncio.IncompleteReadError, wire.MoosWireError):
@@ -73,8 +81,6 @@ class MoosDb:
         return name
 
     def _take(self, name, mail):
-        if mail.type == wire.TIMING:
-            return [Mail(wire.TIMING, wire.CLOCK, time.time(), mail.time, second=0.0)]
         if mail.type == wire.NOTIFY:
             self._notify(mail)
         elif mail.type == wire.REGISTER:
@@ -101,3 +107,12 @@ class MoosDb:
         for name in self._registered.get(mail.key, set()) | {name for name in self._wild if self._matches(name, mail)}:
             if name in self.clients:
                 self.clients[name].write(packet)
+
+
+async def main(host, port):
+    await MoosDb(host=host, port=port).start()
+    await asyncio.Event().wait()
+
+
+if __name__ == "__main__":
+    asyncio.run(main(sys.argv[1], int(sys.argv[2])))

@@ -20,12 +20,13 @@ BINARY = shutil.which("mosquitto") or "/usr/sbin/mosquitto"
 class Mosquitto:
     """Use as a context manager. `ports` are by the scheme of the address; `certificate` is (key, certificate) in PEM files."""
 
-    def __init__(self, directory, certificate=None):
+    def __init__(self, directory, certificate=None, host="127.0.0.1"):
+        self.host = host
         self.ports = {scheme: free_port() for scheme in ("mqtt", "ws", *(("mqtts", "wss") if certificate else ()))}
         self.port = self.ports["mqtt"]
         lines = ["allow_anonymous true", "persistence false", "max_queued_messages 0", f"user {getpass.getuser()}"]
         for scheme, port in self.ports.items():
-            lines += [f"listener {port} 127.0.0.1"] + (["protocol websockets"] if scheme.startswith("ws") else [])
+            lines += [f"listener {port} {host}"] + (["protocol websockets"] if scheme.startswith("ws") else [])
             lines += [f"keyfile {certificate[0]}", f"certfile {certificate[1]}"] if scheme in {"mqtts", "wss"} else []
         self._config = directory / "mosquitto.conf"
         self._config.write_text("\n".join(lines) + "\n")
@@ -43,7 +44,7 @@ class Mosquitto:
         return self.url_of("mqtt")
 
     def url_of(self, scheme):
-        return f"{scheme}://127.0.0.1:{self.ports[scheme]}"
+        return f"{scheme}://{self.host}:{self.ports[scheme]}"
 
     def start(self):
         self._process = subprocess.Popen([BINARY, "-c", str(self._config)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -53,9 +54,8 @@ class Mosquitto:
             assert time.monotonic() < deadline, "mosquitto does not listen"
             time.sleep(0.02)
 
-    @staticmethod
-    def _answers(port):
-        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1.0):
+    def _answers(self, port):
+        with contextlib.suppress(OSError), socket.create_connection((self.host, port), timeout=1.0):
             return True
         return False
 

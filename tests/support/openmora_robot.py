@@ -27,10 +27,10 @@ class OpenMoraRig(RcaRig):
 
     adapter_name = "openmora_mqtt"
 
-    def __init__(self, directory, series="giraff", name="Giraff"):
+    def __init__(self, directory, series="giraff", name="Giraff", host="127.0.0.1"):
         super().__init__(series)
         self.name = name
-        self.broker = Mosquitto(directory)
+        self.broker = Mosquitto(directory, host=host)
         self.said = []  # (topic, text) that reached the robot
         self.error = ""
         self._client = None
@@ -48,7 +48,7 @@ class OpenMoraRig(RcaRig):
         self.broker.kill()
 
     async def up(self):
-        self._client = Client("127.0.0.1", self.broker.port, keepalive=5)
+        self._client = Client(self.broker.host, self.broker.port, keepalive=5)
         await self._client.__aenter__()
         for topic in ("NavigationCommand", "SessionCommand", "ClientACK"):
             await self._client.subscribe(f"{self.name}/{topic}")
@@ -63,6 +63,9 @@ class OpenMoraRig(RcaRig):
         with contextlib.suppress(MqttError):
             await self._client.__aexit__(None, None, None)
         self.world.cancel()
+
+    def freeze(self, *, on):
+        self.broker.freeze(on=on)
 
     async def _listen(self):
         async for delivery in self._client.messages:

@@ -7,6 +7,7 @@ import asyncio
 import math
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -29,13 +30,17 @@ class RcaWorld:
     `believed` is where its localization takes it to be; `deaf` is one that does not listen when it is told.
     """
 
+    watchdog = None  # seconds, where it is another one than the simulated robot's
+
     def __init__(self, series, start="corridor-centre"):
         self.series, self.start = series, start
         self.reset()
 
     def reset(self, start=None):
         plan, _ = load_plan("office")
-        self.sim = Simulation(model_of(self.series), plan, seed=3, start=start or self.start)
+        model = model_of(self.series)
+        model = model if self.watchdog is None else replace(model, watchdog=self.watchdog)
+        self.sim = Simulation(model, plan, seed=3, start=start or self.start)
         self.playback = Playback(self.sim, time.monotonic(), time.time())
         self.journey, self.goal, self.kind = "", None, ""
         self.commands = []  # (monotonic time, linear, angular)
@@ -137,6 +142,10 @@ class RcaRig:
 
     async def say(self, count):
         """Say what is due in this tick."""
+
+    def freeze(self, *, on):
+        """Stop the process that takes the adapter's orders in its tracks, or let it go on."""
+        raise NotImplementedError
 
     # what a test uses
 

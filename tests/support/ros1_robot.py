@@ -9,9 +9,10 @@ from pathlib import Path
 
 from robots.agent.adapters import ros1
 from robots.agent.adapters.contract import AdapterError
+from tests.support.frozen import freeze
 from tests.support.patience import patient
 from tests.support.rca_world import RcaRig
-from tests.support.ros_robot import RosRobot
+from tests.support.ros_robot import BASE, RosRobot
 from tests.support.site import free_port
 
 PYTHON = "/usr/bin/python3"
@@ -27,16 +28,16 @@ class RobotBus(ros1.NodeBus):
 
 
 class RosMaster:
-    def __init__(self):
-        self.port = free_port()
+    def __init__(self, host="127.0.0.1"):
+        self.host, self.port = host, free_port()
         self._process = None
 
     @property
     def uri(self):
-        return f"http://127.0.0.1:{self.port}"
+        return f"http://{self.host}:{self.port}"
 
     def start(self):
-        environment = {"ROS_IP": "127.0.0.1", "ROS_LOG_DIR": "/tmp", "PATH": "/usr/bin:/bin"}
+        environment = {"ROS_IP": self.host, "ROS_LOG_DIR": "/tmp", "PATH": "/usr/bin:/bin"}
         command = [PYTHON, "/usr/bin/rosmaster", "--core", "-p", str(self.port)]
         self._process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         deadline = time.monotonic() + patient(15.0)
@@ -46,7 +47,7 @@ class RosMaster:
             time.sleep(0.05)
 
     def _answers(self):
-        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", self.port), timeout=1.0):
+        with contextlib.suppress(OSError), socket.create_connection((self.host, self.port), timeout=1.0):
             return True
         return False
 
@@ -60,29 +61,33 @@ class RosMaster:
 class Ros1Rig(RcaRig):
     adapter_name = "ros1"
 
-    def __init__(self, series="rhodon"):
+    def __init__(self, series="rhodon", base=BASE, host="127.0.0.1"):
         super().__init__(series)
-        self.master = RosMaster()
-        self.robot = RosRobot(self.world, 1)
+        self.master = RosMaster(host)
+        self.robot = RosRobot(self.world, 1, base)
         self.lost = []
 
     def options(self):
         named = {"dock": "/dock", "undock": "/undock", "cancel_dock": "/cancel_dock"}
-        return {"master": self.master.uri, "ip": "127.0.0.1", **named}
+        return {"master": self.master.uri, "ip": self.master.host, **named}
 
     async def up(self):
         self.master.start()
         await self.start_robot()
 
+    def freeze(self, *, on):
+        """Freeze the base's node: the master is not on the way of an order."""
+        freeze(self._bus._child.pid, on=on)
+
     async def start_robot(self):
-        self._bus = RobotBus(ros1.Options(master=self.master.uri, ip="127.0.0.1", watchdog=0.6))
+        self._bus = RobotBus(ros1.Options(master=self.master.uri, ip=self.master.host, watchdog=0.6))
         await self._bus.open(self.lost.append, None)
         robot = self.robot
         for topic, kind in robot.TOPICS.items():
             self._bus.advertise(topic, kind, latch=topic == "/amcl_pose")
         for topic in ("/move_base/status", "/move_base/result"):
             self._bus.advertise(topic, robot.MOVE_BASE[topic])
-        for topic, kind in (robot.HEARS | {name: robot.MOVE_BASE[name] for name in ("/move_base/goal", "/move_base/cancel")}).items():
+        for topic, kind in (robot.hears | {name: robot.MOVE_BASE[name] for name in ("/move_base/goal", "/move_base/cancel")}).items():
             self._bus.subscribe(topic, kind, lambda message, topic=topic: robot.hear(topic, message))
         for service, verb in DOCKING.items():
             self._bus.offer(service, "std_srvs/Trigger", lambda _, verb=verb: getattr(self.world, verb)())

@@ -6,9 +6,10 @@ import json
 import os
 import sys
 
+from tests.support.frozen import freeze
 from tests.support.paths import ROOT
 from tests.support.rca_world import RcaRig
-from tests.support.ros_robot import RosRobot
+from tests.support.ros_robot import BASE, RosRobot
 
 LOOPBACK = (
     '<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces></General>'
@@ -20,11 +21,12 @@ STATUS = "/navigate_to_pose/_action/status"
 class Ros2Rig(RcaRig):
     adapter_name = "ros2"
 
-    def __init__(self, series="giraff"):
+    def __init__(self, series="giraff", base=BASE, words=()):
         super().__init__(series)
+        self.words = (*base, *words)
         worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
         self.domain = 20 + os.getpid() % 20 * 4 + worker % 4  # another one than that of any other process of this run
-        self.robot = RosRobot(self.world, 2)
+        self.robot = RosRobot(self.world, 2, base)
         self.goals = 0
         self._node = self._listening = None
 
@@ -33,7 +35,7 @@ class Ros2Rig(RcaRig):
         return {"domain": str(self.domain), **tilts}
 
     async def up(self):
-        command = [sys.executable, "-m", "tests.support.ros2_robot_node", str(self.domain)]
+        command = [sys.executable, "-m", "tests.support.ros2_robot_node", str(self.domain), *self.words]
         pipe = asyncio.subprocess.PIPE
         self._node = await asyncio.create_subprocess_exec(*command, cwd=ROOT, stdin=pipe, stdout=pipe, limit=1 << 20)
         assert json.loads(await self._node.stdout.readline())[0] == "ready"
@@ -46,6 +48,9 @@ class Ros2Rig(RcaRig):
         self._listening.cancel()
         await asyncio.gather(self._listening, return_exceptions=True)
         self.world.cancel()
+
+    def freeze(self, *, on):
+        freeze(self._node.pid, on=on)
 
     async def after_reset(self):
         self.robot.restarted()

@@ -5,7 +5,9 @@ import json
 import sys
 import threading
 
-from robots.agent.adapters.ros2 import DdsBus
+from cyclonedds.sub import DataReader
+
+from robots.agent.adapters.ros2 import DdsBus, quality
 from tests.support.ros_robot import RosRobot
 
 GOALS = {"/navigate_to_pose/_action/status": "action_msgs/GoalStatusArray"}
@@ -17,13 +19,20 @@ def say(topic, message):
     sys.stdout.flush()
 
 
-async def main(domain):
+def hear(bus, topic, kind, *, best_effort):
+    """Subscribe as rclcpp's SystemDefaultsQoS does, with which diff_drive_controller hears cmd_vel: reliable; or as a sensor is heard."""
+    reader = DataReader(bus._participant, bus._topic(topic, kind), qos=quality(sensor=best_effort))
+    bus._readers.append((reader, lambda message: say(topic, message)))
+
+
+async def main(domain, cmd_vel, velocity, best_effort=""):
     bus = DdsBus(domain)
     await bus.open(sys.exit, None)
     for topic, kind in (RosRobot.TOPICS | GOALS).items():
         bus.advertise(topic, kind, latched=topic in LATCHED, sensor=topic == "/scan")
-    for topic, kind in (RosRobot.HEARS | {"/goal_pose": "geometry_msgs/PoseStamped"}).items():
-        bus.subscribe(topic, kind, lambda message, topic=topic: say(topic, message))
+    heard = RosRobot.COMMANDS | {"/goal_pose": "geometry_msgs/PoseStamped", cmd_vel: velocity}
+    for topic, kind in heard.items():
+        hear(bus, topic, kind, best_effort=best_effort == "best-effort")
     loop, ended = asyncio.get_running_loop(), asyncio.Event()
 
     def read():
@@ -39,4 +48,4 @@ async def main(domain):
 
 
 if __name__ == "__main__":
-    asyncio.run(main(int(sys.argv[1])))
+    asyncio.run(main(int(sys.argv[1]), *sys.argv[2:]))

@@ -8,19 +8,21 @@ from robots.agent.adapters import ros_words
 from tests.support.picture_server import jpeg_of
 
 GREY = base64.b64encode(jpeg_of(128)).decode()
-ODOMETRY = "nav_msgs/Odometry"
+BASE = ("/cmd_vel", "geometry_msgs/Twist")
+STAMPED = "geometry_msgs/TwistStamped"
 
 
 class RosRobot:
-    """Drives a world by what it `hears`, and `says` (topic, message) pairs; `version` is that of ROS.
+    """Drives a world by what it `hears`, and `says` (topic, message) pairs; `version` is that of ROS, `base` the topic and type of velocities.
 
     Its move_base and Nav2 are the world's own way of going somewhere.
     """
 
-    def __init__(self, world, version):
-        self.world, self.version = world, version
+    def __init__(self, world, version, base=BASE):
+        self.world, self.version, self.base = world, version, base
+        self.hears = dict([base]) | self.COMMANDS
         self.goal, self._told, self._fixed = None, "", 0.0
-        self.located = []
+        self.located, self.stamps = [], []
 
     TOPICS = {
         "/odom": "nav_msgs/Odometry",
@@ -30,8 +32,7 @@ class RosRobot:
         "/joint_states": "sensor_msgs/JointState",
         "/camera/compressed": "sensor_msgs/CompressedImage",
     }
-    HEARS = {
-        "/cmd_vel": "geometry_msgs/Twist",
+    COMMANDS = {
         "/initialpose": "geometry_msgs/PoseWithCovarianceStamped",
         "/head/command": "std_msgs/Float64",
     }
@@ -47,8 +48,10 @@ class RosRobot:
 
     def hear(self, topic, message):
         world = self.world
-        if topic == "/cmd_vel":
-            world.drive(message["linear"]["x"], message["angular"]["z"])
+        if topic == self.base[0]:
+            self.stamps.append(ros_words.stamp_in(message, 0.0))
+            twist = message["twist"] if self.base[1] == STAMPED else message
+            world.drive(twist["linear"]["x"], twist["angular"]["z"])
         elif topic == "/head/command":
             world.tilt(message["data"])
         elif topic == "/initialpose":

@@ -7,9 +7,9 @@ import json
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
+from tests.support.frozen import ServerProcess
 from tests.support.rca_world import RcaRig
-from tests.support.ros_robot import RosRobot
-from tests.support.rosbridge_server import RosbridgeServer
+from tests.support.ros_robot import BASE, RosRobot
 
 DOCKING = ("/dock", "/undock", "/cancel_dock")
 NAVIGATE = "/navigate_to_pose"
@@ -20,17 +20,17 @@ class RosbridgeRig(RcaRig):
 
     adapter_name = "rosbridge"
 
-    def __init__(self, series, version, url=""):
+    def __init__(self, series, version, url="", *, listening="127.0.0.1", base=BASE, words=()):
         super().__init__(series)
         self.version, self._url = version, url
-        self.server = None if url else RosbridgeServer()
-        self.robot = RosRobot(self.world, version)
+        self.server = None if url else ServerProcess("tests.support.rosbridge_server", listening, words)
+        self.robot = RosRobot(self.world, version, base)
         self._socket = self._listening = None
         self._nav_goal = None
 
     @property
     def url(self):
-        return self._url or self.server.url
+        return self._url or f"ws://{self.server.host}:{self.server.port}"
 
     def options(self):
         named = {"dock": "/dock", "undock": "/undock", "cancel_dock": "/cancel_dock"}
@@ -43,13 +43,13 @@ class RosbridgeRig(RcaRig):
 
     async def up(self):
         if self.server:
-            await self.server.start()
+            await asyncio.to_thread(self.server.start)
         self._socket = await connect(self.url, max_size=None, compression=None)
         topics = self.robot.TOPICS | ({"/move_base/status": "", "/move_base/result": ""} if self.version == 1 else {})
         for topic in topics:
             await self._send({"op": "advertise", "topic": topic, "type": self._type(topic), "latch": topic == "/amcl_pose"})
-        for topic in self.robot.HEARS | ({"/move_base/goal": "", "/move_base/cancel": ""} if self.version == 1 else {}):
-            await self._send({"op": "subscribe", "topic": topic, "type": self._type(topic)})
+        for topic in self.robot.hears | ({"/move_base/goal": "", "/move_base/cancel": ""} if self.version == 1 else {}):
+            await self.listen(topic)
         for service in DOCKING:
             await self._send({"op": "advertise_service", "service": service, "type": self._spelled("std_srvs/Trigger", "srv")})
         if self.version == 2:
@@ -57,21 +57,27 @@ class RosbridgeRig(RcaRig):
         self.robot.restarted()
         self._listening = asyncio.ensure_future(self._listen())
 
+    async def listen(self, topic):
+        await self._send({"op": "subscribe", "topic": topic, "type": self._type(topic)})
+
     async def down(self):
         self._listening.cancel()
         with contextlib.suppress(asyncio.CancelledError, ConnectionClosed):
             await self._listening
         if self.server:
-            await self.server.stop()
+            self.server.kill()
         self._socket.transport.abort()
         self.world.cancel()
+
+    def freeze(self, *, on):
+        self.server.freeze(on=on)
 
     async def after_reset(self):
         self.robot.restarted()
 
     def _type(self, topic):
         robot = self.robot
-        return self._spelled((robot.TOPICS | robot.HEARS | robot.MOVE_BASE)[topic], "msg")
+        return self._spelled((robot.TOPICS | robot.hears | robot.MOVE_BASE)[topic], "msg")
 
     def _spelled(self, kind, group):
         return kind if self.version == 1 else kind.replace("/", f"/{group}/")

@@ -105,6 +105,15 @@ class MoosAdapter(RemoteAdapter):
         self._ask_for_angle(time.monotonic())
         self._run(self._acknowledge())
 
+    async def _ask(self) -> None:
+        if self._client is None:
+            raise AdapterError(f"{self.place} is not connected")
+        await self._client.ask()
+
+    def _cut(self) -> None:
+        if self._client is not None:
+            self._client.abort()
+
     async def _shut(self) -> None:
         client, self._client = self._client, None
         if client is not None:

@@ -3,16 +3,18 @@
 import asyncio
 import contextlib
 import itertools
-import socket
 import time
+from collections import deque
 from collections.abc import Callable
 
 from robots.agent.adapters import moos_wire as wire
 from robots.agent.adapters.contract import AdapterError
 from robots.agent.adapters.moos_wire import Mail, Value
+from robots.agent.adapters.sockets import make_prompt
 
 GREETING_TIME = 3.0
 BEAT = 1.0
+PARTING = 0.5
 BACKLOG = 64 << 10  # bytes that may wait to be sent before the database counts as gone
 
 
@@ -30,6 +32,7 @@ class MoosClient:
         self._ids = itertools.count()
         self._writer: asyncio.StreamWriter | None = None
         self._tasks: list[asyncio.Task[None]] = []
+        self._asking: deque[asyncio.Future[None]] = deque()
 
     async def connect(self) -> None:
         """Reach the database and say who we are.
@@ -40,7 +43,7 @@ class MoosClient:
         """
         async with asyncio.timeout(GREETING_TIME):
             reader, self._writer = await asyncio.open_connection(self._host, self._port)
-            self._writer.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            make_prompt(self._writer.get_extra_info("socket"))
             self._writer.write(wire.GREETING + wire.pack([Mail(wire.DATA, wire.ASYNCHRONOUS, self.name, time.time())]))
             self.community = await self._welcome(reader)
         self._tasks = [asyncio.ensure_future(self._read(reader)), asyncio.ensure_future(self._beat())]
@@ -68,8 +71,33 @@ class MoosClient:
         """Hear a variable, at most every `interval` seconds; its last value comes at once."""
         self._send(Mail(wire.REGISTER, key, interval, time.time(), self.name, number=next(self._ids)))
 
+    async def ask(self) -> None:
+        """Wait until the database has read what it was told so far.
+
+        It answers a message of timing that leads a packet, behind all packets of before (ThreadedCommServer::ProcessClient).
+
+        Raises:
+            AdapterError: the database is gone.
+        """
+        answer = asyncio.get_running_loop().create_future()
+        self._asking.append(answer)
+        self._say_time()
+        await answer
+
+    def abort(self) -> None:
+        """Leave at once; what the database has not got yet it never gets."""
+        if self._writer is not None:
+            self._writer.transport.abort()
+
     async def close(self) -> None:
-        """Leave."""
+        """Leave, after the database has read the last word."""
+        if self._writer is not None and not self._writer.transport.is_closing():
+            with contextlib.suppress(AdapterError, TimeoutError):
+                async with asyncio.timeout(PARTING):
+                    await self.ask()
+        for answer in self._asking:
+            answer.cancel()
+        self._asking.clear()
         tasks, self._tasks = self._tasks, []
         for task in tasks:
             task.cancel()
@@ -93,8 +121,18 @@ class MoosClient:
         """Speak before the silence is too long."""
         with contextlib.suppress(AdapterError):  # who reads says that it is gone
             while True:
-                self._send(Mail(wire.TIMING, wire.CLOCK, 0.0, time.time(), self.name, number=next(self._ids)))
+                self._asking.append(asyncio.get_running_loop().create_future())  # nobody waits for it
+                self._say_time()
                 await asyncio.sleep(BEAT)
+
+    def _say_time(self) -> None:
+        self._send(Mail(wire.TIMING, wire.CLOCK, 0.0, time.time(), self.name, number=next(self._ids)))
+
+    def _answer(self) -> None:
+        """Take the answer to the oldest question: the database answers in order."""
+        asked = self._asking.popleft()
+        if not asked.done():
+            asked.set_result(None)
 
     async def _read(self, reader: asyncio.StreamReader) -> None:
         try:
@@ -102,6 +140,8 @@ class MoosClient:
                 for mail in await _packet(reader):
                     if mail.type == wire.NOTIFY:
                         self._heard(mail)
+                    elif mail.type == wire.TIMING and self._asking:
+                        self._answer()
         except (OSError, asyncio.IncompleteReadError, wire.MoosWireError) as error:
             self._lost(f"the MOOSDB is gone: {error or type(error).__name__}")
 

@@ -1,7 +1,9 @@
 """The paper's Giraff as it is: OpenMORA's MQTTMosquitto module on a broker of its own, with our age limits in front of it.
 
 Its topics are `<robot>/…`, QoS 0, not retained. It stops half a second after the last `Motion` and two seconds after the last
-`ClientACK`; it obeys a `Motion` however late it comes, so one that waited here too long is not sent at all (outgoing.py).
+`ClientACK`; it obeys a `Motion` however late it comes (CMQTTMosquitto::on_message compares its time with that of the last `ClientACK`,
+not with the clock). So one that waited here too long is not sent at all (outgoing.py), and none is sent to a broker that has not just
+acknowledged a `ClientProbe`, which is of QoS 1 and means nothing to the robot (velocity_gate.py).
 
 The angle of the head is told and never reported: unknown before we told it, then taken to turn as fast as the profile says.
 
@@ -26,6 +28,7 @@ from robots.agent.adapters.outgoing import Outgoing
 from robots.agent.adapters.readings import stamp_of
 from robots.agent.adapters.remote import RemoteAdapter, profile_of
 from robots.agent.adapters.robot_profile import RobotProfile, load_profile, settings_of
+from robots.agent.adapters.sockets import options as socket_options
 from robots.agent.mqtt import Endpoint
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Velocity
 
@@ -93,6 +96,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
         self._stood_at, self._stood_since = (math.inf, math.inf), 0.0
         self._counts = {"ClientACK": "0 0", "RobotACK": "0 0"}
         self._head = _Head(robot)
+        self._broker: Client | None = None
 
     # --- the broker ------------------------------------------------------------------------------------------------------
 
@@ -106,6 +110,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
     async def _connection(self, ready: asyncio.Future[None]) -> None:
         try:
             async with self._client() as client:
+                self._broker = client
                 await client.subscribe([(f"{self._options.robot}/{name}", 0) for name in HEARD])
                 if not ready.done():
                     ready.set_result(None)
@@ -126,9 +131,19 @@ class OpenMoraMqttAdapter(RemoteAdapter):
         return Client(
             place.host, place.port, username=place.username, password=place.password, transport=place.transport,
             websocket_path=place.path, tls_context=place.tls, keepalive=KEEPALIVE, timeout=CONNECTING, clean_session=True,
+            socket_options=socket_options() if place.transport == "tcp" else (),
         )  # fmt: skip
 
+    async def _ask(self) -> None:
+        if self._broker is None:
+            raise AdapterError(f"{self.place} is not connected")
+        try:
+            await self._broker.publish(f"{self._options.robot}/ClientProbe", openmora.stamped("", time.time()), qos=1, timeout=math.inf)
+        except MqttError as error:
+            raise AdapterError(f"{self.place}: {error}") from error
+
     async def _shut(self) -> None:
+        self._broker = None
         self._outgoing.clear()
 
     async def close(self) -> None:

@@ -1,7 +1,8 @@
 """What all adapters of an RCA outside of the agent have in common: everything but the words that the RCA understands.
 
-A subclass says how to reach it (`_open`, `_shut`), how a velocity is said (`_drive`), and what it can be told to do (`_order`,
-`_withdraw`, `_turn_head`). Whatever it hears goes into `readings`, what becomes of orders into `errands`, and its end into `_lose`.
+A subclass says how to reach it (`_open`, `_shut`, `_cut`), how a velocity is said (`_drive`), how to find out that it reads what it
+is told (`_ask`), and what it can be told to do (`_order`, `_withdraw`, `_turn_head`). Whatever it hears goes into `readings`, what
+becomes of orders into `errands`, and its end into `_lose`. When the robot may be told to move, velocity_gate.py decides.
 
 Longer than most files: it is every member of the contract, in its order.
 """
@@ -19,6 +20,7 @@ from robots.agent.adapters.contract import ActionProgress, AdapterError, AudioSo
 from robots.agent.adapters.errands import LONGEST_DOCKING, LONGEST_TILT, Errand, Errands
 from robots.agent.adapters.readings import Readings
 from robots.agent.adapters.robot_profile import BatteryRange, RobotProfile
+from robots.agent.adapters.velocity_gate import GateParams, VelocityGate
 from robots.agent.motion import ZERO
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Tilt, Undock, Velocity
 
@@ -29,6 +31,7 @@ PERIOD = 0.08  # seconds after which a state is said again when the RCA has noth
 GLANCE = 0.05  # seconds between two looks after errands
 BRAKING_TIME = 2.0
 STANDSTILL = 0.01
+GATE = GateParams()
 
 log = logging.getLogger(__name__)
 
@@ -48,12 +51,14 @@ class RemoteAdapter(ABC):
 
     place = "the robot control architecture"
     vital = "its readings"
+    must_answer = True  # whether an RCA that does not answer is lost while its readings come
 
     def __init__(self, profile: Profile, battery: BatteryRange | None = None) -> None:
         self.profile = profile
         self._battery = battery
         self.readings = Readings(battery)
         self.errands = Errands(self._tell)
+        self._gate = VelocityGate(GATE, time.monotonic())
         self._failure = "not connected"
         self._progress: asyncio.Queue[ActionProgress] = asyncio.Queue()
         self._news = asyncio.Event()
@@ -71,7 +76,7 @@ class RemoteAdapter(ABC):
 
     @abstractmethod
     async def _shut(self) -> None:
-        """Let go of the RCA; called also when it was never reached."""
+        """Let go of the RCA; called also when it was never reached, or lost."""
 
     @abstractmethod
     def _drive(self, velocity: Velocity) -> None:
@@ -80,6 +85,27 @@ class RemoteAdapter(ABC):
         Raises:
             AdapterError: the RCA does not take it.
         """
+
+    async def _ask(self) -> None:  # noqa: B027 -- not every RCA can be asked
+        """Ask the RCA something and wait for its answer: it has read then what it was told before.
+
+        Raises:
+            AdapterError: it is gone.
+        """
+
+    def _cut(self) -> None:  # noqa: B027 -- not every RCA needs it
+        """Throw away what the lost RCA was told and has not got yet; at once."""
+
+    def _unheard(self) -> str:
+        """Return why nobody would hear a velocity, in a sentence, "" while somebody does."""
+        return ""
+
+    async def _settle(self) -> None:  # noqa: B027 -- not every RCA needs it
+        """Wait, a moment at most, for what takes its time after the first reading."""
+
+    def _why_silent(self) -> str:
+        """Return why the RCA says nothing of what is vital, in a sentence, "" when nobody knows."""
+        return ""
 
     async def _order(self, action: Action) -> Errand:
         """Tell the RCA to do something; return what to wait for, because to have told it is not to have done it.
@@ -101,14 +127,32 @@ class RemoteAdapter(ABC):
     # --- what a subclass uses --------------------------------------------------------------------------------------------
 
     def _heard(self) -> None:
-        """Wake whoever waits for states: something new is in `readings`."""
+        """Take that the robot said something of itself: wake whoever waits for states, and tell it what it may be told now."""
         self._news.set()
+        now = time.monotonic()
+        self._gate.heard(now)
+        self._consider(now)
+
+    def _consider(self, now: float) -> None:
+        if not self._failure and self._gate.ask(now):
+            self._run(self._ask_and_drive())
+
+    async def _ask_and_drive(self) -> None:
+        await self._ask()
+        velocity = self._gate.answered(time.monotonic())
+        if velocity is not None and not self._failure:
+            self._drive(velocity)
+
+    def _tell_to_stand(self, now: float) -> None:
+        self._gate.stood(now)
+        self._drive(ZERO)
 
     def _lose(self, reason: str) -> None:
         """Say that the RCA is gone, and why; the first reason counts."""
         if not self._failure:
             self._failure = reason
             log.warning("rca_lost", extra={"rca": self.profile.rca, "reason": reason})
+            self._cut()
         self._news.set()
 
     def _run(self, work: Any) -> None:
@@ -149,7 +193,10 @@ class RemoteAdapter(ABC):
         try:
             async with asyncio.timeout(CONNECT_TIME):
                 await self._open()
+            self._gate = VelocityGate(GATE, time.monotonic())
+            self._tell_to_stand(time.monotonic())  # whoever was here before may have driven
             await self._first_reading()
+            await self._settle()
             self._run(self._watch())
         except (OSError, TimeoutError) as error:
             await self._let_go("not connected")
@@ -166,12 +213,13 @@ class RemoteAdapter(ABC):
                     self._news.clear()
                     await self._news.wait()
         except TimeoutError as error:
-            raise AdapterError(f"{self.place} is there, and says nothing of {self.vital}") from error
+            why = self._why_silent()
+            raise AdapterError(f"{self.place} is there, and says nothing of {self.vital}" + (f": {why}" if why else "")) from error
         if self._failure:
             raise AdapterError(self._failure)
 
     def apply(self, velocity: Velocity) -> Velocity:
-        """Send a velocity, within the base's limits.
+        """Send a velocity, within the base's limits; zero while nobody takes what moves the robot.
 
         Raises:
             AdapterError: the RCA is gone.
@@ -182,7 +230,13 @@ class RemoteAdapter(ABC):
         sent = Velocity(
             linear=min(max(velocity.linear, -limits.reverse), limits.linear), angular=min(max(velocity.angular, -limits.angular), limits.angular)
         )
-        self._drive(sent)
+        now = time.monotonic()
+        if sent == ZERO or self._gate.shut(now) or self._unheard():
+            if sent == ZERO or self._gate.moving:
+                self._tell_to_stand(now)
+            return ZERO
+        self._gate.want(sent, now)
+        self._consider(now)
         return sent
 
     async def start(self, action: Action) -> None:
@@ -229,8 +283,11 @@ class RemoteAdapter(ABC):
             AdapterError: the RCA is gone, or silent for a second.
         """
         while True:
-            if not self._failure and time.monotonic() - self.readings.heard_at > SILENCE:
+            now = time.monotonic()
+            if not self._failure and now - self.readings.heard_at > SILENCE:
                 self._lose(f"{self.place} says nothing of {self.vital} any more")
+            if not self._failure and self.must_answer and self._gate.unanswered(now) > SILENCE:
+                self._lose(f"{self.place} does not answer any more")
             if self._failure:
                 self.errands.end_all(self._failure)
                 raise AdapterError(self._failure)
@@ -247,6 +304,8 @@ class RemoteAdapter(ABC):
     async def _watch(self) -> None:
         while True:
             now = time.monotonic()
+            if self._gate.moving and self._gate.shut(now):
+                self._tell_to_stand(now)
             self._look(now)
             readings = self.readings
             late = self.errands.watch(now, docked=readings.docked, tilt=readings.tilt, pose=readings.pose, fixed_at=readings.fixed_at)

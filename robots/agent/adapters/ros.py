@@ -4,13 +4,15 @@ A `Bus` carries messages as JSON objects (ros_words.py); this module knows the t
 localization (`pose`: amcl's topic, or `tf`), or with `localization` "none" from the agent's. Go-to is move_base's or Nav2's.
 """
 
+import asyncio
 import itertools
 import logging
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Literal, Protocol
 
+import msgspec
 from msgspec import Struct
 
 from robots.agent.adapters import ros_words
@@ -19,6 +21,7 @@ from robots.agent.adapters.errands import LONGEST_RELOCALIZATION, Area, Errand
 from robots.agent.adapters.readings import stamp_of
 from robots.agent.adapters.remote import RemoteAdapter, profile_of
 from robots.agent.adapters.robot_profile import RobotProfile
+from robots.agent.adapters.ros_graph import TWIST, TWIST_STAMPED, Graph, Need, TopicPeers, chosen_stamped, nobody_listens, not_said
 from robots.agent.adapters.topic_camera import TopicCamera
 from robots.api.geometry import Pose2D
 from robots.api.messages import Action, ActionState, Capability, Dock, Goto, Relocalize, Undock, Velocity
@@ -31,6 +34,16 @@ DONE: dict[int, dict[int, ActionState]] = {
     1: {2: "CANCELLED", 3: "FINISHED", 4: "FAILED", 5: "FAILED", 8: "CANCELLED", 9: "FAILED"},  # actionlib_msgs/GoalStatus
     2: {4: "FINISHED", 5: "CANCELLED", 6: "FAILED"},  # action_msgs/GoalStatus
 }
+STAMPED: dict[str, bool | None] = {
+    "auto": None,
+    **dict.fromkeys(("true", "yes", "on", "1"), True),
+    **dict.fromkeys(("false", "no", "off", "0"), False),
+}
+LISTENERS = 2.0  # seconds in which whoever listens for velocities should be found
+LOOKING = 0.25  # seconds between two looks at who listens, while nobody does
+SETTLING = 3.0  # seconds after which a topic that nobody publishes is missing
+LOOKING_ROUND = 5.0  # seconds between two looks at all topics
+OFTEN = 0.1  # seconds between two readings, at most, when an order can wait for the next of them
 RUNNING = frozenset({1, 2, 3})  # accepted, executing, cancelling
 log = logging.getLogger(__name__)
 
@@ -43,11 +56,12 @@ class RosOptions(Struct, frozen=True, kw_only=True):
     `watchdog` is the base's own, in seconds. `navigation` is `move_base` (topics of its action), `nav2` (the action), `goal_pose` (a
     topic, and the status of Nav2's action) or `none`. `dock`, `undock` and `cancel_dock` are std_srvs/Trigger services; done is what the
     battery says. `tilt` takes a std_msgs/Float64 in radians, `tilt_joint` is its name in `joint_states`. `bumper` and `estop` are
-    std_msgs/Bool, `image` is a sensor_msgs/CompressedImage. With `stamped` velocities are TwistStamped.
+    std_msgs/Bool, `image` is a sensor_msgs/CompressedImage. `stamped` says whether velocities are TwistStamped; `auto` goes by what
+    listens on `cmd_vel`.
     """
 
     cmd_vel: str = "/cmd_vel"
-    stamped: bool = False
+    stamped: bool | str = "auto"
     odom: str = "/odom"
     scan: str = "/scan"
     battery: str = "/battery_state"
@@ -71,6 +85,10 @@ class RosOptions(Struct, frozen=True, kw_only=True):
     image: str = ""
     watchdog: float
 
+    def __post_init__(self) -> None:
+        if str(self.stamped).lower() not in STAMPED:
+            raise ValueError(f"stamped is auto, true or false, not {self.stamped!r}")
+
 
 class Goals(Protocol):
     """Who hears of a goal that a bus carries to an action of ROS 2."""
@@ -87,6 +105,7 @@ class Bus(Protocol):
 
     version: int
     place: str
+    answers: bool  # whether `ask` asks those who listen for velocities; else it is a reading that says that they live
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
         """Reach it; `lost` hears later why it is gone.
@@ -101,8 +120,31 @@ class Bus(Protocol):
     def subscribe(self, topic: str, kind: str, handler: Handler, *, latched: bool = False, sensor: bool = False, period: float = 0.0) -> None:
         """Hear a topic; `latched` wants its last message too, `sensor` may lose some, `period` is the least time between two."""
 
-    def advertise(self, topic: str, kind: str) -> None:
-        """Say what will be published."""
+    def advertise(self, topic: str, kind: str, *, drives: bool = False) -> None:
+        """Say what will be published; `drives` are velocities."""
+
+    def unadvertise(self, topic: str) -> None:
+        """Say that nothing more will be."""
+
+    async def ask(self) -> None:
+        """Wait until those who should have read what they were told.
+
+        Raises:
+            AdapterError: it is gone.
+        """
+
+    def cut(self) -> None:
+        """Throw away what has not been sent yet; at once."""
+
+    def listeners(self, topic: str) -> int | None:
+        """Return how many hear a topic that drives, as the same type; None when that is not known."""
+
+    async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
+        """Return what others have to do with topics: at least with the one that drives and those `heard`; None when nobody knows.
+
+        Raises:
+            AdapterError: the system is gone.
+        """
 
     def publish(self, topic: str, message: dict[str, Any], *, newest: bool = False) -> None:
         """Send; of those that are `newest` only the last counts, and only while it is fresh.
@@ -136,6 +178,7 @@ class RosAdapter(RemoteAdapter):
         self._options, self._bus = options, bus
         self._navigation = options.navigation or ("move_base" if bus.version == 1 else "nav2")
         super().__init__(profile_of(robot, rca, options.watchdog, own=_abilities(options, self._navigation)), robot.battery)
+        self.must_answer = bus.answers
         self.place, self.vital = bus.place, f"its odometry on {options.odom}"
         self._counter = itertools.count(1)
         self._camera = TopicCamera(options.image) if options.image else None
@@ -143,21 +186,110 @@ class RosAdapter(RemoteAdapter):
         self._latest: frozenset[str] = frozenset()  # the goals of which Nav2 told last
         self._seen: frozenset[str] = frozenset()  # those that were there before ours
         self._knew_goals, self._ours = False, ""
+        self._stamped = STAMPED[str(options.stamped).lower()] or False
+        self._graph: Graph | None = None
+        self._silent: set[str] = set()  # topics of which nothing has come yet
+        self._heard_by: int | None = None
+        self._advertised = False
+        self._next_reading: asyncio.Future[None] | None = None
 
     # --- the connection --------------------------------------------------------------------------------------------------
 
     async def _open(self) -> None:
         await self._bus.open(self._lose, self)
         bus, options = self._bus, self._options
-        bus.advertise(options.cmd_vel, "geometry_msgs/TwistStamped" if options.stamped else "geometry_msgs/Twist")
+        self._silent = {need.topic for need in self._needs()}
+        self._graph = await bus.graph(options.cmd_vel, ())
+        self._heard_by = None
+        self._advertised = False
+        self._advertise_velocities()
         for topic, kind in self._said():
             bus.advertise(topic, kind)
         for topic, kind, handler, quality in self._listened():
             if topic:
                 bus.subscribe(topic, kind, self._safely(topic, handler), **quality)
+        self._run(self._watch_listeners())
+        self._run(self._look_round())
 
     async def _shut(self) -> None:
         await self._bus.shut()
+
+    async def _ask(self) -> None:
+        await self._bus.ask()
+        if not self._bus.answers and self._gate.usual < OFTEN:
+            self._next_reading = asyncio.get_running_loop().create_future()
+            await self._next_reading
+
+    def _cut(self) -> None:
+        self._bus.cut()
+
+    # --- who else is there -----------------------------------------------------------------------------------------------
+
+    def _needs(self) -> list[Need]:
+        names = {topic: option for option, topic in msgspec.structs.asdict(self._options).items() if isinstance(topic, str)}
+        return [Need(topic, kind, names[topic]) for topic, kind, _, _ in self._listened() if topic and topic in names]
+
+    def _wanted_stamped(self) -> bool:
+        told = STAMPED[str(self._options.stamped).lower()]
+        return chosen_stamped(self._graph, self._options.cmd_vel, stamped=self._stamped) if told is None else told
+
+    def _advertise_velocities(self) -> None:
+        """Say that velocities will come, as who listens wants them; with `stamped=auto` not before somebody does."""
+        topic, wanted = self._options.cmd_vel, self._wanted_stamped()
+        if not self._advertised:
+            is_there = self._graph is None or self._graph.get(topic, TopicPeers(listeners=0)).listeners != 0
+            if not is_there and STAMPED[str(self._options.stamped).lower()] is None:
+                return
+        elif wanted == self._stamped or self._bus.listeners(topic):
+            return
+        else:
+            self._bus.unadvertise(topic)
+        self._stamped, self._advertised = wanted, True
+        self._bus.advertise(topic, TWIST_STAMPED if wanted else TWIST, drives=True)
+
+    def _listeners(self) -> int | None:
+        return self._bus.listeners(self._options.cmd_vel) if self._advertised else 0
+
+    def _unheard(self) -> str:
+        """Say that nobody listens for velocities: of another type they are not heard, and neither side is told."""
+        return nobody_listens(self._graph, self._options.cmd_vel, stamped=self._stamped) if self._listeners() == 0 else ""
+
+    async def _settle(self) -> None:
+        deadline = time.monotonic() + LISTENERS
+        while self._unheard() and not self._failure and time.monotonic() < deadline:  # noqa: ASYNC110 -- a bus tells nobody
+            await asyncio.sleep(LOOKING / 5)
+
+    async def _watch_listeners(self) -> None:
+        """Whoever comes to listen is told to stand first; a base that wants another type gets it."""
+        while True:
+            now = self._listeners()
+            if now and not self._heard_by:
+                self._tell_to_stand(time.monotonic())
+            self._heard_by = now
+            if not self._gate.moving:
+                self._advertise_velocities()
+            await asyncio.sleep(LOOKING / 5)
+
+    async def _look_round(self) -> None:
+        """Say what is missing. Not while the robot moves: a rosbridge takes no velocities meanwhile."""
+        began = time.monotonic()
+        due = began
+        while True:
+            now = time.monotonic()
+            if not self._gate.moving and (now >= due or self._unheard()):
+                due = now + LOOKING_ROUND
+                self._graph = await self._bus.graph(self._options.cmd_vel, sorted(self._silent))
+            missing = not_said(self._graph, self._silent_needs()) if now - began > SETTLING else ()
+            hangs = self._gate.shut(time.monotonic())
+            self.readings.errors = tuple(filter(None, (hangs and f"{self.place} {hangs}", self._unheard(), *missing)))
+            await asyncio.sleep(LOOKING)
+
+    def _silent_needs(self) -> list[Need]:
+        return [need for need in self._needs() if need.topic in self._silent]
+
+    def _why_silent(self) -> str:
+        odometry = [need for need in self._needs() if need.topic == self._options.odom]
+        return next(iter(not_said(self._graph, odometry)), "")
 
     def _said(self) -> list[tuple[str, str]]:
         options = self._options
@@ -194,6 +326,7 @@ class RosAdapter(RemoteAdapter):
         """What is no such message is logged and as if it had not come: silence is noticed."""
 
         def handle(message: dict[str, Any]) -> None:
+            self._silent.discard(topic)
             try:
                 handler(message)
             except ros_words.RosError as error:
@@ -207,6 +340,8 @@ class RosAdapter(RemoteAdapter):
         here, velocity = ros_words.odometry_in(message)
         arrived = time.time()
         self.readings.moved(here, velocity, stamp_of(ros_words.stamp_in(message, arrived), arrived), time.monotonic())
+        if self._next_reading is not None and not self._next_reading.done():
+            self._next_reading.set_result(None)
         self._heard()
 
     def _fix(self, message: dict[str, Any]) -> None:
@@ -254,7 +389,9 @@ class RosAdapter(RemoteAdapter):
 
     def _drive(self, velocity: Velocity) -> None:
         message: dict[str, Any] = ros_words.twist(velocity)
-        if self._options.stamped:
+        if not self._advertised:
+            return  # nobody is there to hear it
+        if self._stamped:
             message = {"header": ros_words.header("base_link", time.time(), self._bus.version), "twist": message}
         self._bus.publish(self._options.cmd_vel, message, newest=True)
 

@@ -14,13 +14,15 @@ import os
 import secrets
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from robots.agent.adapters.contract import AdapterError
 from robots.agent.adapters.robot_profile import load_profile, settings_of
 from robots.agent.adapters.ros import Goals, Handler, RosAdapter, RosOptions
+from robots.agent.adapters.ros_graph import Graph, TopicPeers
 
 START_TIME = 10.0
 ANSWER_TIME = 10.0
@@ -57,6 +59,7 @@ class NodeBus:
     """See ros.Bus. One child process for each connection: rospy cannot begin again in the same one."""
 
     version = 1
+    answers = True
     script = NODE
 
     def __init__(self, options: Options) -> None:
@@ -72,6 +75,7 @@ class NodeBus:
         self._reading: asyncio.Task[None] | None = None
         self._handlers: dict[str, Handler] = {}
         self._calls: dict[int, asyncio.Future[dict[str, Any]]] = {}
+        self._listeners: dict[str, int] = {}
         self._numbers = itertools.count(1)
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
@@ -82,6 +86,7 @@ class NodeBus:
         """
         del goals  # ROS 1 has its actions on topics
         self._handlers.clear()
+        self._listeners.clear()
         reader, self._writer = await self._start()
         first = await self._line(reader)
         if first.get("op") != "ready":
@@ -139,6 +144,8 @@ class NodeBus:
                         self._handlers[topic](content)
                     case {"op": "response", "number": number} if number in self._calls and not self._calls[number].done():
                         self._calls[number].set_result(said)
+                    case {"op": "listeners", "topic": topic, "count": int(count)} if topic in self._listeners:
+                        self._listeners[topic] = count
                     case {"op": "lost", "reason": why}:
                         reason = str(why)
                         break
@@ -166,9 +173,41 @@ class NodeBus:
         self._handlers[topic] = handler
         self._say(op="subscribe", topic=topic, kind=kind, period=period)
 
-    def advertise(self, topic: str, kind: str, *, latch: bool = False) -> None:
-        """Say what will be published."""
-        self._say(op="advertise", topic=topic, kind=kind, latch=latch)
+    def advertise(self, topic: str, kind: str, *, drives: bool = False, latch: bool = False) -> None:
+        """Say what will be published; who comes to hear velocities is told to stand first."""
+        self._listeners.pop(topic, None)
+        self._say(op="advertise", topic=topic, kind=kind, latch=latch, drives=drives)
+        if drives:
+            self._listeners[topic] = 0
+
+    def unadvertise(self, topic: str) -> None:
+        """Say that nothing more will be published."""
+        self._say(op="unadvertise", topic=topic)
+
+    async def ask(self) -> None:
+        """Wait until every node that listens for velocities has said that it lives.
+
+        Raises:
+            AdapterError: the node is gone.
+        """
+        await self._answer(lambda number: self._say(op="ask", number=number))
+
+    def cut(self) -> None:
+        """End the node: what it has not sent yet it never sends."""
+        if self._child is not None:
+            self._child.kill()
+
+    def listeners(self, topic: str) -> int | None:
+        """Return how many nodes are connected to hear a topic that drives."""
+        return self._listeners.get(topic)
+
+    async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
+        """Ask the master."""
+        del heard
+        answer = await self._answer(lambda number: self._say(op="graph", number=number, driving=driving))
+        return {
+            str(topic): TopicPeers(frozenset(kinds), listeners, speakers) for topic, (kinds, listeners, speakers) in answer.get("topics", {}).items()
+        }
 
     def publish(self, topic: str, message: dict[str, Any], *, newest: bool = False) -> None:
         """Send a message.
@@ -177,7 +216,7 @@ class NodeBus:
             AdapterError: the node is gone, or does not read.
         """
         if newest:
-            self._say(op="drive", topic=topic, content=message, moving=_moves(message))
+            self._say(op="drive", topic=topic, content=message, moving=_moves(message), at=time.monotonic())
         else:
             self._say(op="publish", topic=topic, content=message)
 
@@ -187,19 +226,24 @@ class NodeBus:
         Raises:
             AdapterError: there is none, or no answer.
         """
-        number = next(self._numbers)
-        answer = self._calls[number] = asyncio.get_running_loop().create_future()
-        self._say(op="call", number=number, service=service, kind=kind)
         try:
             async with asyncio.timeout(ANSWER_TIME):
-                response = await answer
+                response = await self._answer(lambda number: self._say(op="call", number=number, service=service, kind=kind))
         except TimeoutError as error:
             raise AdapterError(f"{service} does not answer") from error
-        finally:
-            self._calls.pop(number, None)
         if "values" not in response:
             raise AdapterError(f"{service} cannot be called: {response.get('problem')}")
         return bool(response["values"].get("success")), str(response["values"].get("message", ""))
+
+    async def _answer(self, ask: Callable[[int], None]) -> dict[str, Any]:
+        number = next(self._numbers)
+        answer: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
+        self._calls[number] = answer
+        try:
+            ask(number)
+            return await answer
+        finally:
+            self._calls.pop(number, None)
 
     def send_goal(self, action: str, kind: str, goal: dict[str, Any], name: str) -> None:
         """Refuse: ROS 1 has its actions on topics.

@@ -4,19 +4,29 @@ It runs in the Python that ROS was built for, which is not the agent's (Noetic: 
 of ours and is written for Python 3.6. rospy takes a node's name once a process and forgets nothing of a lost master: whoever wants to
 begin again ends this process and starts another. It ends by itself, with a standing robot, when the agent is gone or the master is.
 
-    agent -> node   advertise, publish, drive (a velocity: after SILENCE without another the robot is told to stand), subscribe, call
-    node -> agent   ready, publish, response, lost
+    agent -> node   advertise, unadvertise, publish, drive (a velocity: after SILENCE without another the robot is told to stand),
+                    ask (do those live who listen for velocities?), graph, subscribe, call
+    node -> agent   ready, publish, response, listeners, lost
+
+TCPROS has no answers: a node that hangs lets its socket buffer fill and obeys all of it when it goes on. So whoever listens for
+velocities is asked for its process id (the slave API's getPid, which every node serves) before each of them; who owes the answer for
+a second loses its connection, by a reset, and is told to stand when it comes back.
 """
 # ruff: noqa: D102, D103, PLC0415, SIM105, SLF001, I001, UP -- read by old Pythons; rospy is imported where its absence can be told
 
 import base64
+import functools
+import http.client
 import json
 import math
 import os
+import queue
 import socket
+import struct
 import sys
 import threading
 import time
+import xmlrpc.client
 from typing import Any
 
 SILENCE = 0.3
@@ -24,19 +34,47 @@ GLANCE = 0.05
 MASTER_PERIOD = 0.3
 MASTER_TIME = 1.0
 HEARING = 3.0
+OLDEST = 0.25  # seconds after which a velocity that waited for this process is none any more
+LIVES_WITHIN = 1.0
+SENDING = 16 << 10
+UNACKNOWLEDGED = 1000  # milliseconds
+
+
+class Impatient(xmlrpc.client.Transport):
+    """Asks over HTTP, and not for long."""
+
+    def make_connection(self, host: Any) -> Any:
+        connection = super().make_connection(host)
+        connection.timeout = LIVES_WITHIN
+        return connection
+
+
+class Listener:
+    """Another node that listens for velocities, and whether it lives."""
+
+    def __init__(self, uri: str) -> None:
+        self.proxy = xmlrpc.client.ServerProxy(uri, transport=Impatient())
+        self.has_answered = False
+
+    def lives(self) -> bool:
+        """Tell whether it answers; one that never did cannot be reached from here, and is believed to."""
+        try:
+            self.proxy.getPid("/telepresence")
+        except (OSError, http.client.HTTPException, xmlrpc.client.Error):
+            return not self.has_answered
+        self.has_answered = True
+        return True
 
 
 class Node:
     """One connection to the agent, one node."""
 
     def __init__(self, connection: Any) -> None:
-        import http.client
-        import xmlrpc.client
-
         import genpy
         import roslib.message
         import rosgraph
         import rospy
+        import rospy.impl.tcpros_base
 
         self.genpy, self.rospy, self.roslib = genpy, rospy, roslib
         self.connection = connection
@@ -44,14 +82,21 @@ class Node:
         self.publishers: Any = {}
         self.waiting: Any = {}  # topic to the messages that nobody is connected to hear yet
         self.subscribers: Any = []
+        self.driving = ""  # the topic of velocities
         self.driven: Any = None  # (topic, monotonic time) while the robot may be moving
-        self.master = rosgraph.Master("/telepresence")
+        self.new_master: Any = functools.partial(rosgraph.Master, "/telepresence")  # one for each thread: it has one connection
+        self.master = self.new_master()
         self.unreachable = (OSError, http.client.HTTPException, xmlrpc.client.Error, rosgraph.MasterException)
         self.uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
         socket.setdefaulttimeout(MASTER_TIME)
         self.master_pid = self.master.getPid()
         socket.setdefaulttimeout(None)
+        self.questions: Any = queue.Queue()
+        self.listeners: Any = {}  # by the name of its node
+        self.refused: Any = {}  # by topic: by node the type that it wants
         rospy.init_node("telepresence", anonymous=True, disable_signals=True, disable_rosout=True)
+        self.server = rospy.impl.tcpros_base._tcpros_server
+        self.accept, self.server.topic_connection_handler = self.server.topic_connection_handler, self.connected
 
     def say(self, **message: Any) -> None:
         data = (json.dumps(message) + "\n").encode()
@@ -60,7 +105,7 @@ class Node:
 
     def run(self) -> None:
         """Do what the agent says until it is gone."""
-        for work in (self.watch_wheels, self.watch_master):
+        for work in (self.watch_wheels, self.watch_master, self.answer_questions):
             threading.Thread(target=work, daemon=True).start()
         self.say(op="ready", node=self.rospy.get_name())
         try:
@@ -71,13 +116,85 @@ class Node:
             pass  # as good as the end of what the agent says
         self.stand()
 
-    def do_advertise(self, topic: str, kind: str, *, latch: bool) -> None:
-        if topic not in self.publishers:
-            message = self.roslib.message.get_message_class(kind)
-            if message is None:
-                self.say(op="lost", reason="ROS has no message type " + kind + " here")
-                return
-            self.publishers[topic] = self.rospy.Publisher(topic, message, queue_size=2, latch=latch, tcp_nodelay=True)
+    def do_advertise(self, topic: str, kind: str, *, latch: bool, drives: bool = False) -> None:
+        if topic in self.publishers:
+            return
+        message = self.roslib.message.get_message_class(kind)
+        if message is None:
+            self.say(op="lost", reason="ROS has no message type " + kind + " here")
+            return
+        if drives:
+            self.driving = topic
+        greeting = Standing(message) if drives else None
+        self.publishers[topic] = self.rospy.Publisher(topic, message, greeting, queue_size=2, latch=latch, tcp_nodelay=True)
+
+    def do_unadvertise(self, topic: str) -> None:
+        publisher = self.publishers.pop(topic, None)
+        if publisher is not None:
+            self.driven = None
+            self.refused.pop(topic, None)
+            publisher.unregister()
+
+    def connected(self, connection: Any, address: Any, header: Any) -> Any:
+        """Take somebody who has come to hear a topic; rospy says why not."""
+        topic, name = header.get("topic"), header.get("callerid")
+        if topic == self.driving:
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SENDING)
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            if hasattr(socket, "TCP_USER_TIMEOUT"):
+                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNACKNOWLEDGED)
+        problem = self.accept(connection, address, header)
+        wanting = self.refused.setdefault(topic, {})
+        wanting.pop(name, None)
+        if problem:
+            wanting[name] = header.get("type", "")
+        return problem
+
+    def do_ask(self, number: int) -> None:
+        self.questions.put(number)
+
+    def answer_questions(self) -> None:
+        master = self.new_master()
+        while True:
+            number = self.questions.get()
+            self.drop_the_dead(master)
+            self.say(op="response", number=number)
+
+    def drop_the_dead(self, master: Any) -> None:
+        """Ask everybody who listens for velocities, and let go of who does not answer."""
+        publisher = self.publishers.get(self.driving)
+        for connection in list(publisher.impl.connections) if publisher is not None else []:
+            name = connection.endpoint_id
+            try:
+                if name not in self.listeners:
+                    self.listeners[name] = Listener(master.lookupNode(name))
+                lives = self.listeners[name].lives()
+            except self.unreachable:
+                lives = True  # it is no node of this master's any more; its connection will say so
+            if not lives:
+                self.listeners.pop(name, None)
+                publisher.impl.remove_connection(connection)
+                connection.close()
+
+    def do_graph(self, number: int, driving: str) -> None:
+        threading.Thread(target=self.look_round, args=(number, driving), daemon=True).start()
+
+    def look_round(self, number: int, driving: str) -> None:
+        found: Any = {}
+        try:
+            master, own = self.new_master(), self.rospy.get_name()
+            kinds = dict(master.getTopicTypes())
+            speaking, listening, _ = master.getSystemState()
+            for which, topics in ((2, speaking), (1, listening)):
+                for topic, nodes in topics:
+                    entry = found.setdefault(topic, [[kinds[topic]] if topic in kinds else [], 0, 0])
+                    entry[which] += len([node for node in nodes if node != own])
+            wanted = sorted(set(self.refused.get(driving, {}).values()) - {""})
+            if wanted:  # the master knows a topic by the type of who publishes it, which is ours
+                found.setdefault(driving, [[], 0, 0])[0] = wanted
+        except self.unreachable:
+            pass  # watch_master says so
+        self.say(op="response", number=number, topics=found)
 
     def do_publish(self, topic: str, content: Any) -> None:
         """Publish once somebody hears: what rospy publishes before its first subscriber has connected is lost."""
@@ -98,7 +215,9 @@ class Node:
             publisher.publish(waiting[0])
             waiting.pop(0)
 
-    def do_drive(self, topic: str, content: Any, *, moving: bool) -> None:
+    def do_drive(self, topic: str, content: Any, *, moving: bool, at: float) -> None:
+        if moving and time.monotonic() - at > OLDEST:  # this process has hung meanwhile
+            return
         publisher = self.publishers[topic]
         publisher.publish(self.filled(publisher.data_class(), content))
         self.driven = (topic, time.monotonic()) if moving else None
@@ -134,9 +253,15 @@ class Node:
             self.say(op="response", number=number, problem=str(error) or type(error).__name__)
 
     def watch_wheels(self) -> None:
-        """Stop a robot whose agent is stuck."""
+        """Stop a robot whose agent is stuck, and tell the agent how many hear what it says of motion."""
+        told = None
         while True:
             time.sleep(GLANCE)
+            publisher = self.publishers.get(self.driving)
+            now = (self.driving, publisher.get_num_connections() if publisher is not None else 0)
+            if now != told:
+                told = now
+                self.say(op="listeners", topic=now[0], count=now[1])
             driven = self.driven
             if driven is not None and time.monotonic() - driven[1] > SILENCE:
                 self.stand()
@@ -145,7 +270,7 @@ class Node:
         driven, self.driven = self.driven, None
         if driven is not None:
             publisher = self.publishers[driven[0]]
-            publisher.publish(publisher.data_class())
+            publisher.publish(standing(publisher.data_class))
             time.sleep(GLANCE)
 
     def watch_master(self) -> None:
@@ -193,6 +318,29 @@ class Node:
             else:
                 setattr(message, name, value)
         return message
+
+
+def standing(kind: Any) -> Any:
+    """Return the velocity zero, said now: a base may refuse one that is old."""
+    import rospy
+
+    message = kind()
+    if hasattr(message, "header"):
+        message.header.stamp, message.header.frame_id = rospy.Time.now(), "base_link"
+    return message
+
+
+class Standing:
+    """A listener of rospy's: who comes to hear velocities hears first that the robot stands."""
+
+    def __init__(self, kind: Any) -> None:
+        self.kind = kind
+
+    def peer_subscribe(self, _topic: Any, _publish_all: Any, publish: Any) -> None:
+        publish(standing(self.kind))
+
+    def peer_unsubscribe(self, _topic: Any, _count: Any) -> None:
+        pass
 
 
 def main(make: Any = Node) -> int:

@@ -10,14 +10,17 @@ import contextlib
 import gc
 import logging
 import os
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from robots.agent.adapters.contract import AdapterError
 from robots.agent.adapters.robot_profile import load_profile, settings_of
 from robots.agent.adapters.ros import Goals, Handler, RosAdapter, RosOptions
+from robots.agent.adapters.ros_graph import Graph, TopicPeers
 
 try:
+    from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
     from cyclonedds.core import DDSException
     from cyclonedds.domain import DomainParticipant
     from cyclonedds.internal import InvalidSample
@@ -32,6 +35,10 @@ except ImportError as error:
 
 POLL = 0.01
 AT_ONCE = 20
+MOST_ENDPOINTS = 5000
+DEPTH = 10
+GLANCE = 0.002
+BYSTANDER = 1.0
 BLOCKING = 10_000_000  # nanoseconds that a full history may hold us up
 
 log = logging.getLogger(__name__)
@@ -59,7 +66,7 @@ def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
     return RosAdapter(robot, settings, DdsBus(domain), "ROS 2")
 
 
-def quality(*, latched: bool = False, sensor: bool = False, depth: int = 10) -> Any:
+def quality(*, latched: bool = False, sensor: bool = False, depth: int = DEPTH) -> Any:
     """Return the quality of service that ROS 2 gives a topic: `sensor` may lose, `latched` is kept for who comes later."""
     reliable = Policy.Reliability.BestEffort if sensor else Policy.Reliability.Reliable(BLOCKING)
     durable = Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile
@@ -71,6 +78,7 @@ class DdsBus:
     """See ros.Bus. Samples are fetched by the loop: no thread of DDS ever runs our code."""
 
     version = 2
+    answers = False  # an acknowledgement is of the order before
 
     def __init__(self, domain: int) -> None:
         self.place = f"ROS 2 in domain {domain}"
@@ -80,6 +88,9 @@ class DdsBus:
         self._writers: dict[str, tuple[Any, Any]] = {}
         self._readers: list[tuple[Any, Handler]] = []
         self._task: asyncio.Task[None] | None = None
+        self._endpoints: list[_Endpoints] = []
+        self._driving: Any = None  # the writer of velocities
+        self._has_bystanders = False
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
         """Join the domain.
@@ -92,6 +103,7 @@ class DdsBus:
             self._participant = DomainParticipant(self._domain)
         except DDSException as error:
             raise AdapterError(f"{self.place} cannot be joined: {error}") from error
+        self._endpoints = [_Endpoints(self._participant, topic) for topic in (BuiltinTopicDcpsSubscription, BuiltinTopicDcpsPublication)]
         self._task = asyncio.ensure_future(self._poll(lost))
 
     async def shut(self) -> None:
@@ -101,8 +113,10 @@ class DdsBus:
             task.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await task
+        entities = [self._readers, self._writers, self._topics, self._endpoints, self._driving, self._participant]
         self._readers, self._writers, self._topics, self._participant = [], {}, {}, None
-        gc.collect(0)  # entities leave when they are forgotten
+        self._endpoints, self._driving = [], None
+        await asyncio.to_thread(_forget, entities)
 
     def _topic(self, name: str, kind: str) -> Any:
         if name not in self._topics:
@@ -114,10 +128,53 @@ class DdsBus:
         del sensor, period
         self._readers.append((DataReader(self._participant, self._topic(topic, kind), qos=quality(latched=latched, sensor=not latched)), handler))
 
-    def advertise(self, topic: str, kind: str, *, latched: bool = False, sensor: bool = False) -> None:
-        """Join the writers of a topic."""
-        writer = DataWriter(self._participant, self._topic(topic, kind), qos=quality(latched=latched, sensor=sensor))
-        self._writers[topic] = (writer, TYPES[kind])
+    def advertise(self, topic: str, kind: str, *, drives: bool = False, latched: bool = False, sensor: bool = False) -> None:
+        """Join the writers of a topic; of velocities only the newest is sent again to who missed it."""
+        form = quality(latched=latched, sensor=sensor, depth=1 if drives else DEPTH)
+        self._writers[topic] = (DataWriter(self._participant, self._topic(topic, kind), qos=form), TYPES[kind])
+        if drives:
+            self._driving = self._writers[topic][0]
+
+    def unadvertise(self, topic: str) -> None:
+        """Leave the writers of a topic."""
+        self._writers.pop(topic, None)
+        self._topics.pop(topic, None)
+        self._driving = None
+        gc.collect(0)
+
+    async def ask(self) -> None:
+        """Wait until every reliable reader has acknowledged the velocity of before: one that hangs does not.
+
+        Where several listen, one that owes it for a second may be a bystander that has died; then readings alone say who lives.
+        """
+        began = time.monotonic()
+        while self._driving is not None and not _acknowledged(self._driving):
+            if self._has_bystanders or (time.monotonic() - began > BYSTANDER and self._matched(self._driving) > 1):
+                self._has_bystanders = True
+                return
+            await asyncio.sleep(GLANCE)
+        self._has_bystanders = False
+
+    def cut(self) -> None:
+        """Do nothing: of velocities, DDS keeps the newest, which is a zero."""
+
+    def listeners(self, topic: str) -> int | None:
+        """Return how many readers of this topic and type there are."""
+        return self._matched(self._writers[topic][0]) if topic in self._writers else None
+
+    @staticmethod
+    def _matched(writer: Any) -> int:
+        return int(writer.get_publication_matched_status().current_count)
+
+    async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
+        """Return what others have said of their topics."""
+        del driving, heard
+        none: frozenset[str] = frozenset()
+        readers, writers = (each.others() for each in self._endpoints)
+        return {
+            topic: TopicPeers(readers.get(topic, none) | writers.get(topic, none), len(readers.get(topic, none)), len(writers.get(topic, none)))
+            for topic in readers.keys() | writers.keys()
+        }
 
     def publish(self, topic: str, message: dict[str, Any], *, newest: bool = False) -> None:
         """Send a message.
@@ -163,3 +220,39 @@ class DdsBus:
                 await asyncio.sleep(POLL)
         except DDSException as error:
             lost(f"{self.place} is gone: {error}")
+
+
+def _forget(entities: list[Any]) -> None:
+    """Let entities leave, which they do when they are forgotten: a writer waits a second for acknowledgements."""
+    entities.clear()
+    gc.collect(0)
+
+
+def _acknowledged(writer: Any) -> bool:
+    """Return whether every reliable reader has acknowledged what was written."""
+    try:
+        return bool(writer.wait_for_acks(0))
+    except AttributeError:  # what cyclonedds 11.0 says instead of False
+        return False
+
+
+class _Endpoints:
+    """The readers or the writers that others have: DDS tells each of them, with its topic and type."""
+
+    def __init__(self, participant: Any, topic: Any) -> None:
+        self._own = participant.guid
+        self._reader = BuiltinDataReader(participant, topic)
+        self._known: dict[Any, tuple[str, str]] = {}
+
+    def others(self) -> dict[str, frozenset[str]]:
+        """Return their types by topic, both as ROS writes them."""
+        for sample in self._reader.take(MOST_ENDPOINTS):
+            if sample.topic_name is None:  # it has gone
+                self._known.pop(sample.key, None)
+            elif sample.participant_key != self._own and sample.topic_name.startswith("rt/"):
+                kind = sample.type_name.replace("::msg::dds_::", "/").removesuffix("_")
+                self._known[sample.key] = sample.topic_name.removeprefix("rt"), kind
+        found: dict[str, set[str]] = {}
+        for topic, kind in self._known.values():
+            found.setdefault(topic, set()).add(kind)
+        return {topic: frozenset(kinds) for topic, kinds in found.items()}

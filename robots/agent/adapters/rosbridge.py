@@ -8,7 +8,8 @@ import contextlib
 import itertools
 import json
 import logging
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import msgspec
@@ -17,6 +18,8 @@ from robots.agent.adapters.contract import AdapterError
 from robots.agent.adapters.outgoing import Outgoing
 from robots.agent.adapters.robot_profile import load_profile, settings_of
 from robots.agent.adapters.ros import DONE, Goals, Handler, RosAdapter, RosOptions
+from robots.agent.adapters.ros_graph import Graph, TopicPeers
+from robots.agent.adapters.sockets import make_prompt
 
 try:
     from websockets.asyncio.client import ClientConnection, connect
@@ -25,6 +28,9 @@ except ImportError as error:
     raise ImportError("it needs websockets: pip install 'websockets>=13'") from error
 
 ANSWER_TIME = 10.0
+ROSAPI_TIME = 2.0
+REFUSED = 2.0  # seconds after which what rosbridge refused is tried again
+ESTABLISHED = re.compile(r"established with type (\S+)")  # internal/topics.py, TypeConflictException
 CLOSING = 1.0
 LARGEST = 16 << 20  # bytes of a message: maps and clouds that nobody asked for are larger
 PING = 2.0  # seconds between pings, and until one counts as lost
@@ -55,6 +61,8 @@ def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
 class RosbridgeBus:
     """See ros.Bus."""
 
+    answers = True
+
     def __init__(self, url: str, version: int) -> None:
         self.version, self.place = version, f"rosbridge at {url}"
         self._url = url
@@ -65,6 +73,9 @@ class RosbridgeBus:
         self._socket: ClientConnection | None = None
         self._task: asyncio.Task[None] | None = None
         self._goals: Goals | None = None
+        self._graph: Graph | None = None
+        self._advertised: dict[str, dict[str, Any]] = {}
+        self._refused: dict[str, tuple[int, str]] = {}  # by topic which refusal, and the type that it has, "" when rosbridge does not say
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
         """Connect.
@@ -75,11 +86,37 @@ class RosbridgeBus:
         self._goals = goals
         self._outgoing.clear()
         self._handlers.clear()
+        self._graph = None
+        self._advertised.clear()
+        self._refused.clear()
         try:
             self._socket = await connect(self._url, max_size=LARGEST, ping_interval=PING, ping_timeout=PING, close_timeout=CLOSING, compression=None)
         except (OSError, WebSocketException, TimeoutError) as error:
             raise AdapterError(f"{self.place} does not answer: {error or type(error).__name__}") from error
+        make_prompt(self._socket.transport.get_extra_info("socket"))
         self._task = asyncio.ensure_future(self._serve(self._socket, lost))
+
+    async def ask(self) -> None:
+        """Wait until rosbridge answers a ping of the WebSocket, and no service call keeps it from what it is told.
+
+        It works off what a client says one after the other, and a service call as long as it takes (call_service.py).
+
+        Raises:
+            AdapterError: it is gone.
+        """
+        while self._calls:
+            await asyncio.wait(self._calls.values())
+        if self._socket is None:
+            raise AdapterError(f"{self.place} is gone")
+        try:
+            await (await self._socket.ping())
+        except (OSError, WebSocketException) as error:
+            raise AdapterError(f"{self.place} is gone: {error}") from error
+
+    def cut(self) -> None:
+        """Reset the connection."""
+        if self._socket is not None:
+            self._socket.transport.abort()
 
     async def shut(self) -> None:
         """Close the connection: rosbridge then forgets what we subscribed and advertised."""
@@ -137,7 +174,7 @@ class RosbridgeBus:
             case {"op": "action_result", "id": str(name)} if self._goals is not None:
                 self._goal_ended(name, message)
             case {"op": "status", "level": "error" | "warning", "msg": text}:
-                log.warning("rosbridge_complains", extra={"text": str(text)[:300]})
+                self._complained(message.get("id"), str(text))
 
     def _goal_ended(self, name: str, message: dict[str, Any]) -> None:
         assert self._goals is not None
@@ -155,9 +192,68 @@ class RosbridgeBus:
         entry = {"op": "subscribe", "id": f"s{next(self._ids)}", "topic": topic, "type": self._type(kind), "queue_length": 1}
         self._outgoing.say(entry | {"throttle_rate": round(period * 1000)})
 
-    def advertise(self, topic: str, kind: str) -> None:
-        """Say what will be published."""
-        self._outgoing.say({"op": "advertise", "id": f"a{next(self._ids)}", "topic": topic, "type": self._type(kind)})
+    def advertise(self, topic: str, kind: str, *, drives: bool = False) -> None:
+        """Say what will be published; of velocities rosbridge is to keep only the newest."""
+        entry = {"op": "advertise", "id": f"a{next(self._ids)}", "topic": topic, "type": self._type(kind)}
+        self._advertised[topic] = entry | ({"queue_size": 1} if drives else {})
+        self._say_advertised(self._advertised[topic])
+
+    def unadvertise(self, topic: str) -> None:
+        """Say that nothing more will be published."""
+        entry = self._advertised.pop(topic, None)
+        if entry is not None:
+            self._outgoing.say({"op": "unadvertise", "id": entry["id"], "topic": topic})
+
+    def _advertise_again(self, entry: dict[str, Any]) -> None:
+        """Try again what was refused: rosbridge keeps a publisher, and its type, for ten seconds after its last client."""
+        if self._advertised.get(entry["topic"]) == entry and self._socket is not None:
+            self._say_advertised(entry)
+
+    def _say_advertised(self, entry: dict[str, Any]) -> None:
+        self._outgoing.say(entry)
+        if entry["topic"] in self._refused:
+            asyncio.get_running_loop().call_later(REFUSED / 4, self._believe, entry["topic"], self._refused[entry["topic"]])
+
+    def _believe(self, topic: str, refusal: tuple[int, str]) -> None:
+        """Take it that nothing is refused any more: rosbridge has not complained again, and says nothing else."""
+        if self._refused.get(topic) == refusal:
+            del self._refused[topic]
+
+    def _complained(self, about: Any, text: str) -> None:
+        log.warning("rosbridge_complains", extra={"text": text[:300]})
+        for topic, entry in self._advertised.items():
+            if entry["id"] == about:
+                there = ESTABLISHED.search(text)
+                self._refused[topic] = next(self._ids), _short(there[1]) if there else ""
+                asyncio.get_running_loop().call_later(REFUSED, self._advertise_again, entry)
+
+    def listeners(self, topic: str) -> int | None:
+        """Return how many nodes listened when that was looked up last, none when we are refused; None where rosapi does not run."""
+        if topic in self._refused:
+            return 0
+        known = (self._graph or {}).get(topic)
+        return known.listeners if known is not None else None
+
+    async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
+        """Ask rosapi."""
+        try:
+            values = await self._values("/rosapi/topics", {}, ROSAPI_TIME)
+            kinds = {str(topic): _short(kind) for topic, kind in zip(values["topics"], values["types"], strict=False)}
+            found = {topic: TopicPeers(frozenset({kind})) for topic, kind in kinds.items()}
+            listening = await self._values("/rosapi/subscribers", {"topic": driving}, ROSAPI_TIME)
+            kind = frozenset({kinds[driving]} if driving in kinds else ())
+            found[driving] = TopicPeers(kind, listeners=len(listening["subscribers"]))
+            for topic in heard:
+                speaking = await self._values("/rosapi/publishers", {"topic": topic}, ROSAPI_TIME)
+                kind = frozenset({kinds[topic]} if topic in kinds else ())
+                found[topic] = TopicPeers(kind, speakers=len(speaking["publishers"]))
+        except (AdapterError, KeyError, TypeError):
+            found = {}
+        if driving in self._refused:  # the only way to hear of it without rosapi
+            there = self._refused[driving][1]
+            found[driving] = TopicPeers(frozenset({there} if there else ()), listeners=1)
+        self._graph = found or None
+        return self._graph
 
     def publish(self, topic: str, message: dict[str, Any], *, newest: bool = False) -> None:
         """Send a message.
@@ -177,11 +273,16 @@ class RosbridgeBus:
         Raises:
             AdapterError: there is none, or no answer.
         """
+        values = await self._values(service, {}, ANSWER_TIME, kind)
+        return bool(values.get("success")), str(values.get("message", ""))
+
+    async def _values(self, service: str, arguments: dict[str, Any], within: float, kind: str = "") -> dict[str, Any]:
         number = f"c{next(self._ids)}"
         answer = self._calls[number] = asyncio.get_running_loop().create_future()
-        self._outgoing.say({"op": "call_service", "id": number, "service": service, "type": self._type(kind, "srv"), "args": {}})
+        entry = {"op": "call_service", "id": number, "service": service, "args": arguments}
+        self._outgoing.say(entry | ({"type": self._type(kind, "srv")} if kind else {}))
         try:
-            async with asyncio.timeout(ANSWER_TIME):
+            async with asyncio.timeout(within):
                 response = await answer
         except TimeoutError as error:
             raise AdapterError(f"{service} does not answer") from error
@@ -190,7 +291,7 @@ class RosbridgeBus:
         values = response.get("values")
         if response.get("result") is False or not isinstance(values, dict):
             raise AdapterError(f"{service} cannot be called: {values}")
-        return bool(values.get("success")), str(values.get("message", ""))
+        return values
 
     def send_goal(self, action: str, kind: str, goal: dict[str, Any], name: str) -> None:
         """Send a goal.
@@ -209,6 +310,11 @@ class RosbridgeBus:
 
     def _type(self, kind: str, group: str = "msg") -> str:
         return kind if self.version == 1 else kind.replace("/", f"/{group}/")
+
+
+def _short(kind: str) -> str:
+    """Return a type as ROS 1 writes it."""
+    return str(kind).replace("/msg/", "/")
 
 
 def _plain(text: str | bytes) -> bytes:

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import pytest
 
 from robots.api import messages as m
-from tests.support.control_rig import ControlRig
+from tests.support.control_rig import ThreadedControlRig
 from tests.support.moos_robot import MoosRig
 from tests.support.openmora_robot import OpenMoraRig
 from tests.support.ros1_robot import Ros1Rig
@@ -25,7 +25,7 @@ RIGS = {
 @contextmanager
 def agent(rca, directory):
     """An agent whose robot stands behind a real protocol."""
-    rig = ControlRig(directory, robot=rca.adapter())
+    rig = ThreadedControlRig(directory, robot=rca.adapter())
     rig.control.start(rig.media)
     try:
         rig.wait(lambda: rig.link.connected and rig.kernel.fault is None, 20.0)

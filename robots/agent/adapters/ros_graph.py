@@ -1,0 +1,73 @@
+"""What else is in a ROS system: who listens on the topics that we say, who says what we listen for, of which type. Pure.
+
+Types are written as in ROS 1. Publishers and subscribers of different types do not meet, in either ROS, and neither is told.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+TWIST, TWIST_STAMPED = "geometry_msgs/Twist", "geometry_msgs/TwistStamped"
+VELOCITIES = (TWIST, TWIST_STAMPED)
+MOST_NAMED = 3
+
+
+@dataclass(frozen=True)
+class TopicPeers:
+    """What others have to do with a topic; None for how many nobody counted."""
+
+    kinds: frozenset[str] = frozenset()
+    listeners: int | None = None
+    speakers: int | None = None
+
+
+Graph = Mapping[str, TopicPeers]
+
+
+@dataclass(frozen=True)
+class Need:
+    """A topic that we listen for: its type, and the option that names it."""
+
+    topic: str
+    kind: str
+    option: str
+
+
+def chosen_stamped(graph: Graph | None, topic: str, *, stamped: bool) -> bool:
+    """Return whether velocities go as TwistStamped: as the others on the topic have it, as before where they do not say."""
+    known = graph.get(topic) if graph is not None else None
+    kinds = set(VELOCITIES) & known.kinds if known is not None else set()
+    return kinds == {TWIST_STAMPED} if len(kinds) == 1 else stamped
+
+
+def nobody_listens(graph: Graph | None, topic: str, *, stamped: bool) -> str:
+    """Return the sentence about velocities that nobody hears: what is there instead, and the option to set."""
+    ours = TWIST_STAMPED if stamped else TWIST
+    known = graph.get(topic, TopicPeers()) if graph is not None else TopicPeers()
+    there = sorted(known.kinds - {ours})
+    if there:
+        way_out = f"set stamped={'false' if stamped else 'true'}" if set(there) & set(VELOCITIES) else "set cmd_vel to another topic"
+        return f"nobody listens on {topic} for {ours}: there it is {' and '.join(there)}; {way_out}"
+    others = _listening(graph, topic)
+    return f"nobody listens on {topic} ({ours}): set cmd_vel to the topic of the robot's base" + (f"; here are {', '.join(others)}" if others else "")
+
+
+def not_said(graph: Graph | None, needs: Iterable[Need]) -> tuple[str, ...]:
+    """Return a sentence about each topic that we listen for and nobody publishes, or as another type."""
+    found = []
+    for need in needs if graph is not None else ():
+        known = graph.get(need.topic, TopicPeers(speakers=0)) if graph is not None else TopicPeers()
+        if known.kinds and need.kind not in known.kinds:
+            found.append(f"{need.topic} is {' and '.join(sorted(known.kinds))}, not {need.kind}: set {need.option} to another topic")
+        elif known.speakers == 0:
+            others = [name for name, each in sorted((graph or {}).items()) if need.kind in each.kinds and each.speakers != 0 and name != need.topic]
+            here = f"; here are {', '.join(others[:MOST_NAMED])}" if others else ""
+            found.append(f"nobody publishes {need.topic} ({need.kind}): set {need.option} to the robot's topic, or to nothing{here}")
+    return tuple(found)
+
+
+def _listening(graph: Graph | None, topic: str) -> list[str]:
+    return [
+        f"{name} ({' and '.join(sorted(each.kinds & set(VELOCITIES)))})"
+        for name, each in sorted((graph or {}).items())
+        if each.kinds & set(VELOCITIES) and each.listeners != 0 and name != topic
+    ][:MOST_NAMED]
