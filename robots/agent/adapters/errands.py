@@ -1,7 +1,8 @@
 """What was ordered of an RCA and has not ended: which errand, until when, and what becomes of it. Pure: `now` is given.
 
 An errand that moves the base and one that moves the head may run at once; of each kind the newer replaces the older. Some RCAs say
-when they are done, others only do it: arriving in the dock, leaving it, and the head's angle are seen in the readings.
+when they are done, others only do it: arriving in the dock, leaving it, and the head's angle are seen in the readings. Docking has
+ended when the robot is docked (robots/api/docked.py), undocking when its contacts are apart.
 """
 
 import math
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from robots.agent.adapters.contract import ActionProgress
+from robots.api.docked import DockState
 from robots.api.messages import ActionState
 
 LONGEST_TILT = 15.0  # seconds
@@ -67,11 +69,11 @@ class Errands:
         self._end(self.drive, "FAILED", reason)
         self._end(self.head, "FAILED", reason)
 
-    def watch(self, now: float, *, docked: bool, tilt: float | None) -> None:
+    def watch(self, now: float, *, dock: DockState, tilt: float | None) -> None:
         """Look whether something was reached, or takes too long."""
         drive, head = self.drive, self.head
         if drive is not None:
-            if (drive.kind == "dock" and docked) or (drive.kind == "undock" and not docked):
+            if (drive.kind == "dock" and dock.docked) or (drive.kind == "undock" and not dock.touching):
                 self._end(drive, "FINISHED", "")
             elif now > drive.deadline:
                 self._end(drive, "FAILED", "it takes too long")

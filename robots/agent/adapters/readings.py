@@ -35,7 +35,7 @@ class Readings:
     def __init__(self, battery: BatteryRange | None = None) -> None:
         self.heard_at = -math.inf
         self.fresh = False
-        self.docked = False
+        self.charger_contact = False
         self.estop = False
         self.tilt: float | None = None
         self.errors: tuple[str, ...] = ()
@@ -87,7 +87,7 @@ class Readings:
         if charge is None and voltage is not None and self._range is not None:
             charge = self._range.charge(voltage)
         self._battery = Battery(charge=self._battery.charge if charge is None else min(1.0, max(0.0, charge)), voltage=voltage, charging=charging)
-        self.docked = charging
+        self.charger_contact = charging
 
     def bumped(self, *, touching: bool) -> None:
         """Take the bumpers: a contact begins when one is pressed."""
@@ -114,7 +114,7 @@ class Readings:
         self.fresh = False
         scan, self._scan = self._scan, None
         return RcaState(
-            stamp=self._stamp, pose=self.pose, velocity=self.velocity, battery=self._battery, docked=self.docked, tilt=self.tilt,
+            stamp=self._stamp, pose=self.pose, velocity=self.velocity, battery=self._battery, charger_contact=self.charger_contact, tilt=self.tilt,
             contacts=self._contacts, distance=self._distance, scan=scan, errors=self.errors, estop=self.estop, odometry=self.odometry,
         )  # fmt: skip
 

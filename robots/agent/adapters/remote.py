@@ -20,6 +20,8 @@ from robots.agent.adapters.errands import LONGEST_DOCKING, LONGEST_TILT, Errand,
 from robots.agent.adapters.readings import Readings
 from robots.agent.adapters.robot_profile import BatteryRange, RobotProfile
 from robots.agent.motion import ZERO
+from robots.api import docked
+from robots.api.docked import DockReading, DockState
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Tilt, Undock, Velocity
 
 CONNECT_TIME = 5.0
@@ -250,10 +252,14 @@ class RemoteAdapter(ABC):
                     await self._news.wait()
 
     async def _watch(self) -> None:
+        dock = DockState()
         while True:
             now = time.monotonic()
             self._look(now)
-            self.errands.watch(now, docked=self.readings.docked, tilt=self.readings.tilt)
+            velocity, contact = self.readings.velocity, self.readings.charger_contact
+            reading = DockReading(at=now, contact=contact, linear=velocity.linear, angular=velocity.angular)
+            dock = docked.follow(docked.DOCKED, dock, reading)
+            self.errands.watch(now, dock=dock, tilt=self.readings.tilt)
             await asyncio.sleep(GLANCE)
 
     async def progress(self) -> AsyncIterator[ActionProgress]:
