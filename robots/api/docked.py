@@ -55,6 +55,9 @@ class DockState:
     at: float | None = None
 
 
+APART = DockState()
+
+
 def follow(rule: DockedRule, before: DockState, reading: DockReading) -> DockState:
     """Return how the robot stands after the next reading."""
     stands = abs(reading.linear) <= rule.linear and abs(reading.angular) <= rule.angular
