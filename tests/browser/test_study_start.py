@@ -47,7 +47,7 @@ def test_two_participants_in_a_row_wait_until_the_robot_is_back_whatever_restart
         page.get_by_role("button", name="Drive Giraff").click()
         title = page.locator("#card-title")
         expect(title).to_have_text(TITLE, timeout=20_000)
-        expect(page.locator("#card-text")).to_contain_text("Staff have been told.")
+        expect(page.locator("#card-text")).to_contain_text("The study's staff are told.")
         wait_for(lambda number=number: called(site) == number, 30, "the call for staff")
         site.stop("session-manager", signal.SIGKILL)
         site.start("session-manager")
