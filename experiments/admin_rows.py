@@ -162,10 +162,21 @@ class DriveAdmin(OfStudies):
     list_per_page = 50
     search_fields = ("participant__code",)
     date_hierarchy = "granted_at"
-    readonly_fields = ("code", "study_name", "session_link", "replay", "assigned_told", "applied_told", "result_told", "differs", "excluded")
+    readonly_fields = (
+        "code",
+        "study_name",
+        "session_link",
+        "replay",
+        "assigned_told",
+        "applied_told",
+        "result_told",
+        "ends_told",
+        "differs",
+        "excluded",
+    )
     fieldsets = (
         (None, {"fields": ("code", "study_name", "session_link", "replay", "step", "visit", "round", "number", "condition", "seed")}),
-        (_("How it went"), {"fields": ("granted_at", "exposed", "outcome", "settled_at", "result_told")}),
+        (_("How it went"), {"fields": ("granted_at", "exposed", "outcome", "settled_at", "result_told", "ends_told")}),
         (_("Condition"), {"fields": ("differs", "assigned_told", "applied_told")}),
         (_("Excluded"), {"fields": ("excluded",)}),
     )
@@ -215,6 +226,11 @@ class DriveAdmin(OfStudies):
     def result_told(self, row: Drive) -> str | SafeString:
         """Return what the task came to."""
         return _shown(row.result)
+
+    @admin.display(description=_("robot at the beginning and at the end"))
+    def ends_told(self, row: Drive) -> str | SafeString:
+        """Return how the robot stood in the first and in the last state."""
+        return _shown({"began": row.began_with, "ended": row.ended_with} if row.began_with or row.ended_with else {})
 
     @admin.display(description=_("differs"))
     def differs(self, row: Drive) -> str:

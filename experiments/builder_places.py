@@ -17,7 +17,7 @@ from robots.api.messages import Point
 # What of the study itself is on which page, and the classes of what stands in lists.
 PAGES: Mapping[str, Collection[str]] = {
     "about": ("title", "intro", "source", "licence", "languages"),
-    "rules": ("allocation", "refill", "quality", "analysis"),
+    "rules": ("allocation", "start", "refill", "quality", "analysis"),
 }
 LISTS = ("steps", "conditions", "courses")
 STEPS = (Consent, Form, Instructions, Practice, Task, Questionnaire, Debrief)

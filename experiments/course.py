@@ -1,10 +1,11 @@
 """A course on its ground: what a condition's names of docks, doors and mirrors come to in the metres of a site's plan."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from experiments.definition import Checkpoint, Condition, Course, Study
 from experiments.feasibility import dock_of
+from robots.api.docked import DOCKED, DockedRule
 from robots.api.floorplan import FloorPlan, contains
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Point
@@ -123,7 +124,10 @@ def _side(start: Point, end: Point, point: Point) -> float:
 
 @dataclass(frozen=True)
 class Track:
-    """All that the task engine needs to know. `stops` are checkpoints 1, 2 …; `limit` and `last` (what is announced) in seconds."""
+    """All that the task engine needs to know. `stops` are checkpoints 1, 2 …; `limit` and `last` (what is announced) in seconds.
+
+    `docked` is the rule by which docking counts; None in drives from before there was one, where a single state in the station did.
+    """
 
     dock: Pose2D
     stops: tuple[Stop, ...]
@@ -131,6 +135,7 @@ class Track:
     photo: PhotoSpot | None
     limit: float
     last: float
+    docked: DockedRule | None = None
 
 
 prepare(Track)
@@ -152,6 +157,7 @@ def lay_out(study: Study, condition: Condition, plan: FloorPlan) -> Track:
     return Track(
         dock=Pose2D(dock.x, dock.y, dock.theta), stops=stops, doorways=doorways, photo=_photo(course, stops, plan),
         limit=task.minutes * 60.0, last=task.last_minutes * 60.0,
+        docked=replace(DOCKED, seconds=task.docked_seconds),
     )  # fmt: skip
 
 

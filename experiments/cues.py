@@ -13,7 +13,7 @@ from robots.api.messages import Point
 
 CueKey = Literal[
     "wait_for_picture", "leave_station", "go_to_checkpoint", "wrong_checkpoint", "photo_turn_left", "photo_turn_right", "photo_move",
-    "photo_ready", "photo_review", "return_home", "dock_now", "docked_early", "lost", "completed", "timed_out", "ended",
+    "photo_ready", "photo_review", "return_home", "dock_now", "dock_hold", "dock_again", "docked_early", "lost", "completed", "timed_out", "ended",
 ]  # fmt: skip
 Window = Literal["shut", "open", "review"]
 
@@ -32,6 +32,7 @@ class Cue:
     target: Point | None = None
 
 
+DOCKING: frozenset[CueKey] = frozenset({"dock_now", "dock_hold", "dock_again"})
 FIRST = Cue("wait_for_picture")
 
 
@@ -39,7 +40,8 @@ FIRST = Cue("wait_for_picture")
 class Situation:
     """What decides. `passed` counts checkpoints, `wrong` is the later one on which the robot stands, `home` metres to the station.
 
-    `early` tells that it has been docked before its time.
+    `early` tells that it has been docked before its time, `touching` that the charging contacts meet at the end of the course,
+    `dock_contacts` how often they have met there.
     """
 
     started: bool = False
@@ -47,6 +49,8 @@ class Situation:
     lost: bool = False
     docked: bool = False
     early: bool = False
+    touching: bool = False
+    dock_contacts: int = 0
     passed: int = 0
     wrong: int | None = None
     window: Window = "shut"
@@ -62,6 +66,8 @@ def choose(situation: Situation, track: Track, shown: Cue | None) -> Cue:
         return FIRST
     if situation.passed < len(track.stops):
         return _on_the_way(situation, track, shown)
+    if situation.touching:
+        return Cue("dock_hold", 0, (track.dock.x, track.dock.y))
     return _photo(situation, track, shown) or _home(situation, track, shown)
 
 
@@ -103,5 +109,7 @@ def _home(situation: Situation, track: Track, shown: Cue | None) -> Cue:
     target = (track.dock.x, track.dock.y)
     if situation.lost:
         return Cue("lost", 0, target)
-    reach = NEAR_HOME * LEAVING if shown is not None and shown.key == "dock_now" else NEAR_HOME
-    return Cue("dock_now" if situation.home <= reach else "return_home", 0, target)
+    reach = NEAR_HOME * LEAVING if shown is not None and shown.key in DOCKING else NEAR_HOME
+    if situation.home > reach:
+        return Cue("return_home", 0, target)
+    return Cue("dock_again" if situation.dock_contacts else "dock_now", 0, target)

@@ -63,7 +63,7 @@ def _session(drive: Drive, definition: Definition, names: Pseudonyms, choice: Ch
         **_assigned(condition), **_applied(drive), outcome=drive.outcome or visit.outcome,
         reason=_reason(visit, choice, by_operator=stopped), os=device.get("os", ""),
         browser=device.get("browser", ""), network=names.network(device.get("network", "")), first_frame=_first_frame(drive),
-        first_motion=_first_motion(drive), ended=_after(drive, visit.ended_at), operator=operator or stopped,
+        first_motion=_first_motion(drive), ended=_after(drive, visit.ended_at), **_ends(drive), **_docking(drive), operator=operator or stopped,
         missing=visit.summary.get("missing", 0), excluded=drive.excluded_reason,
     )  # fmt: skip
 
@@ -84,6 +84,24 @@ def _applied(drive: Drive) -> dict[str, str]:
     """What of the networks the robot says that it has put on."""
     found = {name: drive.applied.get(f"{name}_network") for name in ("control", "video")}
     return {f"{name}_applied": spell(msgspec.convert(report, LabReport).lab) for name, report in found.items() if report}
+
+
+def _ends(drive: Drive) -> dict[str, float]:
+    """How the robot stood at the beginning and at the end; NaN for what is not known."""
+    found = {"began": drive.began_with, "ended": drive.ended_with}
+    return {
+        f"{name}_{word}": NAN if (value := stood.get(word)) is None else round(float(value), 6)
+        for name, stood in found.items()
+        for word in ("x", "y", "theta", "docked", "charge")
+    }
+
+
+def _docking(drive: Drive) -> dict[str, float]:
+    """By which rule docking counted, and how often it was tried; NaN where there was none."""
+    rule = (drive.assigned.get("track") or {}).get("docked")
+    if rule is None:
+        return {"docked_seconds": NAN, "dock_contacts": NAN}
+    return {"docked_seconds": float(rule["seconds"]), "dock_contacts": float(drive.result.get("dock_contacts", NAN))}
 
 
 def granted(drive: Drive) -> float:

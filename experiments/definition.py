@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
+from robots.api.docked import DOCKED
 from robots.api.floorplan import Key as PlanKey
 from robots.api.floorplan import Length
 from robots.api.messages import AssistLevel, Metres, Point, Positive, Share
@@ -175,10 +176,14 @@ class Practice(Step, frozen=True, kw_only=True, tag_field="kind", tag="practice"
 
 
 class Task(Step, frozen=True, kw_only=True, tag_field="kind", tag="task"):
-    """The course of the condition's robot, within a time limit from the first picture shown; what is left is shown in the last minutes."""
+    """The course of the condition's robot, within a time limit from the first picture shown; what is left is shown in the last minutes.
+
+    `docked_seconds` is for how long the robot must rest on its charging contacts, released, for its docking to count: robots/api/docked.py.
+    """
 
     minutes: Minutes = 15.0
     last_minutes: Annotated[float, Meta(ge=0.0, le=60.0)] = 2.0
+    docked_seconds: Annotated[float, Meta(ge=1.0, le=60.0)] = DOCKED.seconds
 
 
 class Questionnaire(Step, frozen=True, kw_only=True, tag_field="kind", tag="questionnaire"):
@@ -229,6 +234,19 @@ class Quality(Part, frozen=True, kw_only=True):
     operator_absent: bool = True
 
 
+class Start(Part, frozen=True, kw_only=True):
+    """What must hold before a participant gets the robot; else they wait, and researchers are told.
+
+    `docked`: it is docked, at most `distance` metres and `heading` radians off the pose of the course's station, and knows where it is.
+    `charge` is the least share of the battery's charge; a robot that does not know its charge is taken as it is.
+    """
+
+    docked: bool = True
+    distance: Length = 0.3
+    heading: Annotated[float, Meta(gt=0.0, le=3.2)] = 0.35
+    charge: Share = 0.0
+
+
 class Analysis(Part, frozen=True, kw_only=True):
     """Which of several responses of one visitor counts in tables, and of which kind the intervals of confidence are."""
 
@@ -253,6 +271,7 @@ class Study(Part, frozen=True, kw_only=True):
     courses: Annotated[tuple[Course, ...], Meta(max_length=24)]
     allocation: Allocation = Allocation()
     refill: Refill = Refill()
+    start: Start = Start()
     quality: Quality = Quality()
     analysis: Analysis = Analysis()
 

@@ -23,7 +23,8 @@ PhotoFate = Settled | None
 class Result:
     """The task in a few facts. `checkpoints` has the time of each that was passed; `photo` is None where none was asked for, "" unanswered.
 
-    `doors` were gone through, in order; `doors_missed` were asked for, open, and not gone through.
+    `doors` were gone through, in order; `doors_missed` were asked for, open, and not gone through. `dock_contacts` counts how often the
+    charging contacts met after the last checkpoint: 1 is a docking that held at once.
     """
 
     outcome: Outcome | None
@@ -33,6 +34,7 @@ class Result:
     photo: PhotoFate
     doors: tuple[str, ...]
     doors_missed: tuple[str, ...]
+    dock_contacts: int = 0
 
 
 class TaskEngine:
@@ -120,4 +122,5 @@ class TaskEngine:
         return Result(
             outcome=progress.outcome, started=progress.started, ended=progress.ended, checkpoints=progress.passed,
             photo=None if self.track.photo is None else progress.photo.settled, doors=progress.doors, doors_missed=missed,
+            dock_contacts=progress.dock_contacts,
         )  # fmt: skip

@@ -19,7 +19,7 @@ from django.db import IntegrityError, transaction
 
 from accounts import audit
 from accounts.models import User
-from experiments import assignment, conditions, participation
+from experiments import assignment, conditions, participation, start_condition
 from experiments.assignment import Cell, Choice, Held
 from experiments.course import CourseError
 from experiments.definition import Condition, Practice, Task
@@ -30,6 +30,7 @@ from experiments.models import Drive, Kind, Participant, Study
 from experiments.track_of import laid_out
 from robots.access import may_operate
 from robots.api.floorplan import DoorState
+from robots.api.geometry import Pose2D
 from robots.models import Robot
 from sessions.models import Session
 from sessions.terms import NotGranted, Terms
@@ -39,6 +40,7 @@ log = logging.getLogger(__name__)
 
 GRACE_SECONDS = 120.0
 SLACK_SECONDS = 180.0  # to connect, and to see the end: a turn is never over before the time limit of the task
+SAID_SECONDS = 5.0  # after which a robot's last state does not say any more how it stands; states are written every two
 ATTEMPTS = 200  # every failed one means that somebody else was assigned meanwhile
 Stage = Participant.Stage
 
@@ -84,6 +86,11 @@ class StudyTerms:
         if standing is None:
             return "reserved" if _is_reserved(robot, now) and not may_operate(user, robot) else ""
         return _why_not(standing, now)
+
+    def not_ready(self, user: User, robot: Robot, now: datetime.datetime) -> str:
+        """Return what of the study's start condition does not hold (experiments/start_condition.py); empty for who drives for themselves."""
+        standing = standing_of(user, robot)
+        return _unmet(standing, now) if standing is not None else ""
 
     def granted(self, session: Session, now: datetime.datetime) -> Terms | None:
         """Assign the participant, make their drive, and return the terms of the condition; None for who drives for themselves.
@@ -158,6 +165,25 @@ def _why_not(standing: Standing, now: datetime.datetime) -> str:
     return "not_allowed" if driven(participant, participation.place(participant)).standing == "exposed" else ""
 
 
+def _unmet(standing: Standing, now: datetime.datetime) -> str:
+    robot = Robot.objects.select_related("floor_plan").defer("floor_plan__image").get(pk=standing.robot.pk)
+    plan = robot.floor_plan.plan if robot.floor_plan is not None else {}
+    courses = (one for one in standing.definition.courses if robot.floor_plan and (one.robot, one.site) == (series_of(robot), robot.floor_plan.name))
+    course = next(courses, None)
+    docks = [dock for dock in plan.get("docks", ()) if course and dock["type"] == course.robot and course.dock in {"", dock["name"]}]
+    if len(docks) != 1:
+        return ""  # no course is laid out there: the grant says so
+    dock = Pose2D(docks[0]["x"], docks[0]["y"], docks[0].get("theta", 0.0))
+    return start_condition.unmet(standing.definition.start, said_lately(robot, now), dock)
+
+
+def said_lately(robot: Robot, now: datetime.datetime) -> start_condition.RobotSnapshot | None:
+    """Return how a robot stands as it last said; None when that is some seconds old, or from a run of its agent that is over."""
+    fresh = robot.last_seen_at is not None and (now - robot.last_seen_at).total_seconds() <= SAID_SECONDS
+    report = robot.report or {}
+    return start_condition.snapshot(report) if fresh and report and report.get("boot", "") == robot.boot else None
+
+
 def _is_reserved(robot: Robot, now: datetime.datetime) -> bool:
     """Tell whether a study that is open now keeps the robot to its participants."""
     for study in Study.objects.filter(status=Study.Status.PUBLISHED, exclusive=True):
@@ -225,7 +251,10 @@ def _store(participant: Participant, chosen: Choice, number: int, now: datetime.
 def _begin(standing: Standing, condition: Condition, session: Session, now: datetime.datetime) -> Terms:
     participant, definition, seed = standing.participant, standing.definition, secrets.randbits(31)
     terms = terms_of(standing, condition, session.robot, seed)
-    assigned = {"condition": msgspec.to_builtins(condition), "terms": msgspec.to_builtins(terms), "track": None}
+    assigned = {
+        "condition": msgspec.to_builtins(condition), "terms": msgspec.to_builtins(terms), "track": None,
+        "start": msgspec.to_builtins(definition.start),
+    }  # fmt: skip
     if isinstance(standing.step, Task):
         try:
             assigned["track"] = laid_out(definition, condition, session.robot)

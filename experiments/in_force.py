@@ -8,6 +8,7 @@ import msgspec
 from experiments.conditions import Applied
 from experiments.driven import series_of
 from experiments.models import Drive
+from experiments.start_condition import snapshot
 from robots.api.messages import State
 from sessions.models import SessionEvent
 
@@ -26,10 +27,14 @@ class Gathering:
         self._doors = dict(drive.assigned.get("terms", {}).get("doors", {}))
         self._changes: list[tuple[float, str, str]] = []
         self._drives = False
+        self._first: State | None = None
+        self._last: State | None = None
         self._interfaces: set[str] = set()
 
     def see(self, state: State) -> None:
         """Take a state. What the robot was like before its visitor first drove it was not in force on anybody."""
+        self._first = state if self._first is None or state.stamp < self._first.stamp else self._first
+        self._last = state if self._last is None or state.stamp >= self._last.stamp else self._last
         self._drives = self._drives or bool(state.applied) or state.mode in BY_ITSELF
         if self._drives:
             self.applied.see(state)
@@ -48,6 +53,11 @@ class Gathering:
         elif event.type == "door_changed":
             name, _, state = str(data.get("detail", "")).rpartition(" ")
             self._changes.append((event.stamp, name, state))
+
+    def ends(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return how the robot stood in the first and in the last state by its clock; empty without any."""
+        first, last = (snapshot(msgspec.to_builtins(state)).as_stored() if state is not None else {} for state in (self._first, self._last))
+        return first, last
 
     def done(self) -> Applied:
         """Return what was gathered."""

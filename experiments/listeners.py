@@ -6,7 +6,7 @@ from accounts.models import User
 from experiments import acquaintance
 from experiments.grants import StudyTerms, invites
 from experiments.models import Study
-from experiments.notices import tell_pause
+from experiments.notices import tell_not_ready, tell_pause
 from experiments.own_data import clear_settled, withdraw_everywhere
 from experiments.research_access import forget_members
 from experiments.runner import Runner
@@ -32,5 +32,6 @@ def connect() -> None:
         (signals.looked, clear_settled),
         (signals.session_ended, RUNNER.hear_end),
         (signals.queue_paused, tell_pause),
+        (signals.not_ready, tell_not_ready),
     ):
         signal.connect(receiver, weak=False, dispatch_uid=f"experiments.{receiver.__qualname__}")

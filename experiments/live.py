@@ -13,7 +13,7 @@ from experiments.lending import is_shown
 from experiments.models import Drive, Participant, StepVisit, Study, TaskEvent
 from robots.between import in_words
 from robots.models import Robot
-from sessions import terms
+from sessions import terms, turns
 from sessions.models import NetworkSample, Session, SessionEvent, StateChunk
 from surveys.definition import spoken
 
@@ -28,10 +28,11 @@ def now_in(slug: str, language: str, now: datetime.datetime) -> dict[str, Any]:
     definitions = {key: study.as_definition() for key, study in studies.items()}
     drives = list(_living(slug))
     robots = _robots(slug, definitions.values(), drives)
+    unready = _unready(robots, now)
     return {
         "stamp": now.timestamp(),
         "participants": _people(slug, definitions, language, now),
-        "robots": [_robot(robot, now) for robot in robots],
+        "robots": [_robot(robot, now) | {"unready": unready[robot.pk]} for robot in robots],
         "queues": _queues(robots, slug),
         "drives": [_drive(drive, definitions[drive.participant.study_id], language, now) for drive in drives],
     }
@@ -107,6 +108,12 @@ def _queues(robots: list[Robot], slug: str) -> dict[str, list[str]]:
 
 
 # --- robots ----------------------------------------------------------------------------------------------------------
+
+
+def _unready(robots: list[Robot], now: datetime.datetime) -> dict[Any, str]:
+    """Return in words what each robot lacks for whoever would be next; empty where it lacks nothing, or nobody waits."""
+    found = {key: next((visit.not_ready for visit in scene.queue if visit.not_ready), "") for key, scene in turns.load_scenes(robots, now).items()}
+    return {key: in_words(reason.removeprefix(f"{terms.START}: ")) if reason else "" for key, reason in found.items()}
 
 
 def _robot(robot: Robot, now: datetime.datetime) -> dict[str, Any]:

@@ -274,8 +274,9 @@ class Drive(models.Model):
     `assigned` is the condition and the terms of the session (sessions/terms.py) as they were granted, and the course as it was laid out
     on the plan of that day; `applied` what the robot and the record said of themselves, and `mismatches` the names of what differs.
     `shown` is what the page shows of the task now (sessions.wire.Task). `result` is experiments.engine.Result, computed from the stored
-    record once it is closed (`settled_at`), exactly as anybody can compute it again; `clock_offset` is the robot's clock minus ours in
-    seconds, one for the whole drive.
+    record once it is closed (`settled_at`), exactly as anybody can compute it again. So are `began_with` and `ended_with`: how the robot
+    stood in the first and the last state of the session (experiments.start_condition.RobotSnapshot). `clock_offset` is the robot's clock
+    minus ours in seconds, one for the whole drive.
     """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
@@ -296,6 +297,8 @@ class Drive(models.Model):
     exposed = models.BooleanField(_("exposed"), default=False)  # a velocity of theirs was applied
     outcome = models.CharField(_("outcome of the task"), max_length=20, blank=True)
     result = models.JSONField(_("result"), default=dict, blank=True)
+    began_with = models.JSONField(_("began with"), default=dict, blank=True)
+    ended_with = models.JSONField(_("ended with"), default=dict, blank=True)
     settled_at = models.DateTimeField(_("settled"), null=True, blank=True, db_index=True)
     excluded_reason = models.CharField(_("excluded because"), max_length=300, blank=True)
     excluded_by = models.ForeignKey(settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="+")

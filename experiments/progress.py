@@ -6,7 +6,9 @@ the same events. The rules:
 - the time counts from the first picture shown; at its limit the task ends, whatever came at that moment;
 - checkpoints count in order, each within its radius and its room; standing on a later one is told and recorded once a visit;
 - near the photo's checkpoint, once that is passed, the photo's window opens by itself until the visitor keeps a photo or skips it;
-- docking ends the task once all checkpoints are passed, with or without the photo; before that it is recorded, and changes nothing;
+- docking ends the task once all checkpoints are passed, with or without the photo; before that it is recorded, and changes nothing.
+  Docked is what the robot says it is and what the course's rule (robots/api/docked.py) makes of its states: contact, standstill and
+  released controls without a break. Contacts that part sooner are a fact, and the visitor is told to drive on into the station;
 - a door is passed where the robot's middle goes through its frame; which were asked for and missed is a fact of the result.
 """
 
@@ -19,10 +21,12 @@ from experiments.course import Motion, Sight, Track
 from experiments.cues import FIRST, LEAVING, Cue, Situation, Window, choose
 from experiments.definition import Outcome
 from experiments.records import Ended, FirstFrame, Input, PhotoAnswer, PhotoFailed, PhotoTaken, Record, Seen
+from robots.api.docked import APART, DockReading, DockState, follow
 from robots.api.geometry import Pose2D
 
 EventType = Literal[
-    "task_started", "time_warning", "checkpoint", "out_of_order", "door_passed", "left_station", "docked_early", "docked", "cue",
+    "task_started", "time_warning", "checkpoint", "out_of_order", "door_passed", "left_station", "docked_early", "dock_contact", "dock_contact_lost",
+    "docked", "cue",
     "photo_prompt", "photo_taken", "photo_failed", "photo_kept", "photo_again", "photo_skipped", "task_ended",
 ]  # fmt: skip
 Settled = Literal["", "kept", "skipped"]
@@ -34,7 +38,10 @@ LOST_FOR = 1.0  # seconds without a place before the visitor is told
 
 @dataclass(frozen=True)
 class TaskEvent:
-    """Something that happened once. `number` is a checkpoint's, `name` that of a door, cue, photo or outcome; `pose` the last one known."""
+    """Something that happened once.
+
+    `number` is a checkpoint's, or that of a contact with the charger, `name` that of a door, cue, photo or outcome; `pose` the last one known.
+    """
 
     at: float
     type: EventType
@@ -72,6 +79,7 @@ class PhotoState:
 class Progress:
     """How things stand. `passed` has the time of each checkpoint, `doors` the names of doors in the order they were gone through.
 
+    `dock` is how the robot stands to its station by the course's rule, `dock_contacts` how often the contacts met after the last checkpoint.
     `in_doorway` names those whose line was crossed without having gone on yet, `on_later` the later checkpoints on which the robot stands.
     """
 
@@ -88,6 +96,8 @@ class Progress:
     in_doorway: frozenset[str] = frozenset()
     doors: tuple[str, ...] = ()
     photo: PhotoState = PhotoState()
+    dock: DockState = APART
+    dock_contacts: int = 0
     cue: Cue = FIRST
 
     @property
@@ -97,8 +107,8 @@ class Progress:
 
     @property
     def docked(self) -> bool:
-        """Whether it stands in its station."""
-        return self.last is not None and self.last.docked
+        """Whether it is docked: as it says, and once it has been out also as the course's rule says."""
+        return self.last is not None and self.last.docked and (self.dock.docked or not self.is_out)
 
     def remaining(self, track: Track, now: float) -> float | None:
         """Return the seconds left, None while nothing counts."""
@@ -150,6 +160,7 @@ def _situation(track: Track, progress: Progress, at: float) -> Situation:
     spot = track.photo
     return Situation(
         started=progress.started is not None, outcome=progress.outcome, lost=lost, docked=progress.docked, early=progress.came_early,
+        touching=progress.dock.touching and progress.dock_contacts > 0, dock_contacts=progress.dock_contacts,
         passed=len(progress.passed), wrong=min(progress.on_later, default=None), window=progress.photo.window,
         sight=spot.sight(pose) if spot is not None and pose is not None else None, home=pose.distance(track.dock) if pose is not None else math.inf,
     )  # fmt: skip
@@ -159,8 +170,8 @@ def _situation(track: Track, progress: Progress, at: float) -> Situation:
 
 
 def _seen(track: Track, progress: Progress, seen: Seen) -> Stepped:
-    before = progress.placed
-    progress = replace(progress, last=seen, placed=seen if seen.localized else progress.placed)
+    before, dock = progress.placed, progress.dock
+    progress = replace(progress, last=seen, placed=seen if seen.localized else progress.placed, dock=_dock(track, dock, seen))
     if progress.started is None:
         return progress, ()
     events: tuple[TaskEvent, ...] = ()
@@ -169,8 +180,10 @@ def _seen(track: Track, progress: Progress, seen: Seen) -> Stepped:
         for part in (_doors, _stops, _window):
             progress, more = part(track, progress, motion)
             events += more
-    progress, more = _station(track, progress, seen)
-    return progress, events + more
+    for part_of_station in (_contact, _station):
+        progress, more = part_of_station(track, progress, seen, was_touching=dock.touching)
+        events += more
+    return progress, events
 
 
 def _motion(before: Seen | None, seen: Seen) -> Motion:
@@ -223,14 +236,35 @@ def _window(track: Track, progress: Progress, motion: Motion) -> Stepped:
     return replace(progress, photo=replace(photo, is_open=is_open, prompted=photo.prompted or opens)), events
 
 
-def _station(track: Track, progress: Progress, seen: Seen) -> Stepped:
+def _dock(track: Track, before: DockState, seen: Seen) -> DockState:
+    if track.docked is None:
+        return DockState(docked=seen.docked)
+    return follow(
+        track.docked, before, DockReading(at=seen.at, contact=seen.contact, linear=seen.linear, angular=seen.angular, released=seen.released)
+    )  # fmt: skip
+
+
+def _contact(track: Track, progress: Progress, seen: Seen, *, was_touching: bool) -> Stepped:
+    """Once all checkpoints are passed each contact is an attempt to dock, and so is its loss a fact."""
+    if len(progress.passed) < len(track.stops) or progress.dock.touching == was_touching:
+        return progress, ()
+    if progress.dock.touching:
+        progress = replace(progress, dock_contacts=progress.dock_contacts + 1)
+        return progress, (TaskEvent(seen.at, "dock_contact", progress.pose, number=progress.dock_contacts),)
+    if progress.dock_contacts == 0:
+        return progress, ()
+    return progress, (TaskEvent(seen.at, "dock_contact_lost", progress.pose, number=progress.dock_contacts),)
+
+
+def _station(track: Track, progress: Progress, seen: Seen, **_more: bool) -> Stepped:
     """Leaving the charging station and coming back to it."""
-    if not seen.docked:
+    if not progress.docked:
         pose = progress.pose
-        leaves = not progress.is_out and seen.localized and pose is not None and pose.distance(track.dock) > OUT
+        away = not seen.docked and seen.localized and pose is not None and pose.distance(track.dock) > OUT
+        leaves = away and not progress.is_out
         events = (TaskEvent(seen.at, "left_station", pose, number=0),) if leaves else ()
         return replace(progress, is_out=progress.is_out or leaves), events
-    if len(progress.passed) == len(track.stops):
+    if len(progress.passed) == len(track.stops) and progress.dock.docked:
         ended, event = _end(progress, seen.at, "completed")
         return ended, (TaskEvent(seen.at, "docked", progress.pose, number=0), event)
     if progress.is_out:

@@ -14,7 +14,11 @@ from robots.api.messages import State
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """A state, as far as the task minds: metres and radians in the frame of the map."""
+    """A state, as far as the task minds: metres and radians in the frame of the map, m/s and rad/s as measured.
+
+    `docked` is the robot's word, `contact` whether the charging contacts meet; `released` tells that no command since the state before
+    asked for any motion.
+    """
 
     at: float
     boot: str
@@ -24,6 +28,10 @@ class Seen:
     theta: float
     localized: bool = True
     docked: bool = False
+    contact: bool = False
+    linear: float = 0.0
+    angular: float = 0.0
+    released: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +87,12 @@ def seen(state: State, clock_offset: float) -> Seen:
     """Return a state as the engine takes it; `clock_offset` is the robot's clock minus the server's, in seconds."""
     pose = state.pose
     at = state.stamp - clock_offset
-    return Seen(at, state.boot, state.seq, pose.x, pose.y, pose.theta, localized=pose.localized, docked=state.docked)
+    contact = state.docked if state.charger_contact is None else state.charger_contact
+    return Seen(
+        at, state.boot, state.seq, pose.x, pose.y, pose.theta, localized=pose.localized, docked=state.docked, contact=contact,
+        linear=state.velocity.linear, angular=state.velocity.angular,
+        released=not any(command.linear or command.angular for command in state.applied),
+    )  # fmt: skip
 
 
 def identity(record: Record) -> tuple[int, str, int]:

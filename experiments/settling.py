@@ -140,8 +140,10 @@ def _write(drive: Drive, engine: TaskEngine | None, gathering: Gathering, offset
     missing = bool(drive.session.summary.get("missing")) and drive.session.driving_at is not None
     exposed = gathering.exposed or missing
     _write_events(drive, engine.events if engine is not None else ())
+    began_with, ended_with = gathering.ends()
     Drive.objects.filter(pk=drive.pk).update(
         outcome=outcome or drive.session.outcome, exposed=exposed, applied=as_stored(applied), clock_offset=offset,
+        began_with=began_with, ended_with=ended_with,
         mismatches=list(conditions.mismatches(condition, applied)) if exposed and condition is not None else [],
         result=msgspec.to_builtins(engine.result) if engine is not None else {},
     )  # fmt: skip

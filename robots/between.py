@@ -12,6 +12,11 @@ WORDS = {
     "estop": _("its emergency stop is on"),
     "network": _("it answers too late to be driven"),
     "no_picture": _("its camera gives no picture"),
+    "not_docked": _("it is not docked"),
+    "elsewhere": _("it is not in the charging station of the course"),
+    "lost": _("it does not know where it is"),
+    "charge": _("its battery is not charged as the study wants it"),
+    "silent": _("it has not said how it is"),
     "no_answer": _("it did not answer in time"),
 }
 

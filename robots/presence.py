@@ -66,8 +66,9 @@ def trouble_of(report: Any) -> str:
 
 
 def _is_news(before: Any, after: Any) -> bool:
-    """Tell whether a state is the first of its boot, or begins or ends a trouble."""
-    return (before or {}).get("boot") != (after or {}).get("boot") or trouble_of(before) != trouble_of(after)
+    """Tell whether a state is the first of its boot, begins or ends a trouble, or comes from a robot that has docked or left."""
+    told = [((one or {}).get("boot"), (one or {}).get("docked", False), trouble_of(one)) for one in (before, after)]
+    return told[0] != told[1]
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,8 @@ class Rules:
 class Visit:
     """A session that has not ended. `seen_at` is None when its page has closed its socket, `drove` whether it ever moved the robot.
 
-    `turn`, `grace` and `idle` are what its terms say instead of the robot's rules, in seconds.
+    `turn`, `grace` and `idle` are what its terms say instead of the robot's rules, in seconds. `not_ready` says why the robot is not yet as
+    its terms want it, empty when it is; it is known only of whoever would be next.
     """
 
     id: str
@@ -60,6 +61,7 @@ class Visit:
     turn: float | None = None
     grace: float | None = None
     idle: float | None = None
+    not_ready: str = ""
 
     def page_open(self, now: float) -> bool:
         """Tell whether a page of this visit is connected to the server."""
@@ -91,6 +93,11 @@ class Scene:
     changed_at: float = 0.0
 
     @property
+    def waits_for(self) -> str:
+        """Why a robot that nobody drives is given to nobody; empty when it would be."""
+        return self.pause or next((visit.not_ready for visit in self.queue if visit.not_ready), "")
+
+    @property
     def ready(self) -> bool:
         """Tell whether a visit could begin."""
         return self.enabled and self.online and not self.pause
@@ -111,7 +118,7 @@ class Scene:
 class Ask:
     """A page asks to drive: `peer` is its own id, `session` and `old_peer` are what an earlier grant told this same page.
 
-    An `operator` may take a robot that is not ready: somebody has to free it.
+    An `operator` may take a robot that is not ready, before whoever waits for that: somebody has to free it. `not_ready` is as in Visit.
     """
 
     visitor: str
@@ -120,6 +127,7 @@ class Ask:
     old_peer: str | None = None
     takeover: bool = False
     operator: bool = False
+    not_ready: str = ""
 
 
 @dataclass(frozen=True)
@@ -163,12 +171,13 @@ def decide_take(scene: Scene, ask: Ask, rules: Rules, now: float) -> Grant | Res
         return Deny("ended", ask.session)
     if own is not None and own is scene.holder:
         return _come_back(scene, own, ask, now)
-    if scene.enabled and scene.online and (not scene.pause or ask.operator) and _may_begin(scene, own, rules, now):
+    is_ready = scene.enabled and scene.online and not ask.not_ready and (not scene.pause or ask.operator)
+    if is_ready and _may_begin(scene, own, rules, now, operator=ask.operator):
         return Grant(own.id if own else None)
     if own is None and not (scene.enabled and scene.online):
         return Deny("offline" if scene.enabled else "disabled")
     place = place_in_queue(scene, own.id if own else None)
-    return Wait(own.id if own else None, place, minutes_until_turn(scene, place, rules, now), scene.pause)
+    return Wait(own.id if own else None, place, minutes_until_turn(scene, place, rules, now), scene.pause or ask.not_ready or scene.waits_for)
 
 
 def _come_back(scene: Scene, own: Visit, ask: Ask, now: float) -> Grant | Resume | Deny:
@@ -185,11 +194,12 @@ def _come_back(scene: Scene, own: Visit, ask: Ask, now: float) -> Grant | Resume
     return Deny("elsewhere", own.id)
 
 
-def _may_begin(scene: Scene, own: Visit | None, rules: Rules, now: float) -> bool:
+def _may_begin(scene: Scene, own: Visit | None, rules: Rules, now: float, *, operator: bool) -> bool:
     if scene.holder is not None:
         return False
-    ahead = [visit for visit in scene.queue if own is None or (visit.queued_at, visit.id) < (own.queued_at, own.id)]
-    others_offered = any(offer_alive(visit, rules, now) for visit in scene.queue if visit is not own)
+    queue = () if operator and scene.waits_for else scene.queue
+    ahead = [visit for visit in queue if own is None or (visit.queued_at, visit.id) < (own.queued_at, own.id)]
+    others_offered = any(offer_alive(visit, rules, now) for visit in queue if visit is not own)
     return not others_offered and not any(ready(visit, now) for visit in ahead)
 
 

@@ -25,6 +25,10 @@ looked = Signal()
 # robot: robots.models.Robot, reason: str, at: datetime. Its queue is paused: it could not be made ready for the next visit.
 queue_paused = Signal()
 
+# robot: robots.models.Robot, session: sessions.models.Session, reason: str, at: datetime. The visit is next and the robot is free, but for some
+# seconds it has not been as the visit's terms want it. Sent once for each visit and reason.
+not_ready = Signal()
+
 # robot: robots.models.Robot, online: bool, at: datetime.
 presence_changed = Signal()
 

@@ -45,6 +45,9 @@ class Terms(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     study: dict[str, Any] = {}
 
 
+START = "start"  # how the reasons of visits begin that wait for the robot to be as their terms want it
+NOT_DOCKED = "not_docked"  # the one of them that a robot which goes home by itself can mend
+
 prepare(Terms)
 FREE = Terms()
 
@@ -58,6 +61,12 @@ class Provider(Protocol):
 
     def why_not(self, user: "User", robot: "Robot", now: datetime.datetime) -> str:
         """Return why this visitor may not ask for the robot now, as one word that the page has a sentence for; empty when they may."""
+
+    def not_ready(self, user: "User", robot: "Robot", now: datetime.datetime) -> str:
+        """Return why the robot is not yet as a visit of this visitor needs it, as one word; empty when it is, or that is nobody's business.
+
+        Such a visit waits, first in the queue, until it is.
+        """
 
     def granted(self, session: "Session", now: datetime.datetime) -> Terms | None:
         """Return the terms of a session that gets the robot for the first time; None when it is none of the provider's business.
@@ -85,6 +94,11 @@ def register(provider: Provider) -> None:
 def why_not(user: "User", robot: "Robot", now: datetime.datetime) -> str:
     """Return the first provider's reason against a visit; empty when nobody has one."""
     return next((reason for provider in _providers if (reason := provider.why_not(user, robot, now))), "")
+
+
+def not_ready(user: "User", robot: "Robot", now: datetime.datetime) -> str:
+    """Return why a robot is not yet as a visit needs it, as Scene.pause says such things; empty when it is."""
+    return next((f"{START}: {reason}" for provider in _providers if (reason := provider.not_ready(user, robot, now))), "")
 
 
 def claims(user: "User", robot: "Robot") -> bool:

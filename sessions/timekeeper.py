@@ -18,8 +18,8 @@ from robots import log_ids
 from robots.api import codec, topics
 from robots.api.messages import ServerNews
 from robots.models import Robot
-from sessions import signals, system_log, terms
-from sessions.leases import Hold, minutes_until_turn
+from sessions import signals, system_log, terms, turns
+from sessions.leases import Hold, Scene, minutes_until_turn
 from sessions.models import Lease, Session, SessionEvent
 from sessions.record_items import CloseItem
 from sessions.ticks import tick
@@ -29,6 +29,7 @@ from sessions.turns import LIVE, lease_message, load_scene, load_scenes, rules_o
 logger = logging.getLogger(__name__)
 
 CLOSE_AGAIN_SECONDS = 5.0
+CALL_SECONDS = 5.0  # for which a robot is not as the next visit needs it before anybody is called: one that has just come says how it is
 UNREAD = ("report", "doors", "description")  # of a robot, which nobody needs here twice a second
 
 
@@ -50,6 +51,7 @@ class Timekeeper:
         self._places: dict[str, tuple[int, int, str]] = {}  # session: place, whole minutes, why it is not ready
         self._warned: set[tuple[str, int]] = set()
         self._asked: dict[str, tuple[str, float]] = {}  # robot: which visit was asked for a sign, and when
+        self._unready: dict[str, tuple[str, float]] = {}  # session: why the robot is not as it needs it, and since when
         self._told: set[str] = set()
         self._closing: dict[str, float] = {}
 
@@ -141,10 +143,35 @@ class Timekeeper:
         scene, rules = load_scene(robot, now), rules_of(robot)
         for place, visit in enumerate(scene.queue, 1):
             minutes = minutes_until_turn(scene, place, rules, now.timestamp())
-            told = (place, round(minutes), scene.pause)
+            told = (place, round(minutes), scene.waits_for)
             if visit.offered_at is None and self._places.get(visit.id) != told:
                 self._places[visit.id] = told
-                self._news("queue", visit.id, now, place=place, minutes=minutes, text=scene.pause)
+                self._news("queue", visit.id, now, place=place, minutes=minutes, text=scene.waits_for)
+        self._tell_unready(robot, scene, now)
+
+    def _tell_unready(self, robot: Robot, scene: Scene, now: datetime.datetime) -> None:
+        """Note for whom a free robot is not ready; have it go home if that helps, and after some seconds call those who look after it."""
+        if not scene.ready or scene.holder is not None:
+            return
+        for visit in scene.queue:
+            reason = visit.not_ready.removeprefix(f"{terms.START}: ")
+            before, since = self._unready.get(visit.id, ("", now.timestamp()))
+            if reason != before:
+                self._note(visit.id, "robot_not_ready" if reason else "robot_ready", now, **({"reason": reason} if reason else {}))
+                self._unready[visit.id] = reason, now.timestamp()
+                if reason == terms.NOT_DOCKED and turns.send_home(robot, now):
+                    system_log.log("robot_sent_home", robot=robot, session=visit.id, at=now, reason=reason)
+            elif reason and now.timestamp() - since >= CALL_SECONDS:
+                self._call_staff(robot, visit.id, reason, now)
+
+    def _call_staff(self, robot: Robot, session: str, reason: str, now: datetime.datetime) -> None:
+        """Once for each visit and reason, whatever a session manager before this one has done."""
+        called = SessionEvent.objects.filter(session=session, source=SessionEvent.Source.SERVER, type="staff_called")
+        if reason in {data.get("reason") for data in called.values_list("data", flat=True)}:
+            return
+        self._note(session, "staff_called", now, reason=reason)
+        system_log.log("robot_not_ready", "warning", robot=robot, session=session, at=now, reason=reason)
+        send(signals.not_ready, robot=robot, session=Session.objects.get(pk=session), reason=reason, at=now)
 
     def _news(self, kind: Any, session: str, now: datetime.datetime, **fields: Any) -> None:
         news = ServerNews(type=kind, stamp=now.timestamp(), session=session, **fields)

@@ -13,7 +13,8 @@ Rules, all in seconds unless said otherwise:
 - A driver who does nothing for `idle` is asked whether anybody is there, and without a sign after ANSWER_SECONDS, and ON_THE_WAY for question and
   answer to arrive, the visit ends as if its turn were over. Driving, a touch of the page, a call and what the robot does by itself are signs; a
   lost connection is another matter, and who comes back from one is asked anew.
-- A free robot that is ready is offered to the first in the queue whose page is open. After `start` the offer lapses, that visit is cancelled, and
+- A free robot that is ready is offered to the first in the queue whose page is open, once it is also as that visit's terms want it; until then
+  nobody behind gets it either, but who operates it may take it. After `start` the offer lapses, that visit is cancelled, and
   the next one is asked. Who waits with a closed page keeps the place for `grace`.
 
 Decided on plain snapshots. No deadline counts from before `Link.since`, when the session manager began to hear robots: nobody is
@@ -165,7 +166,7 @@ def _orphans(scene: Scene) -> Iterator[Act]:
 def _waiting(scene: Scene, link: Link, rules: Rules, now: float) -> Iterator[Act]:
     for visit in scene.queue:
         # An offer that nobody could take does not lapse: it is withdrawn.
-        if scene.ready and visit.offered_at is not None and now - max(visit.offered_at, link.since) >= rules.start:
+        if scene.ready and not visit.not_ready and visit.offered_at is not None and now - max(visit.offered_at, link.since) >= rules.start:
             yield End(visit.id, "cancelled", "turn_not_taken")
         elif visit.page_open(now):
             continue
@@ -254,9 +255,10 @@ def _turn(scene: Scene, holder: Visit, rules: Rules, now: float) -> Iterator[Act
 
 def _offers(scene: Scene, rules: Rules, now: float) -> Iterator[Act]:
     offered = [visit for visit in scene.queue if visit.offered_at is not None]
-    if not scene.ready:
-        yield from (Withdraw(visit.id) for visit in offered)
+    unready = [visit for visit in offered if visit.not_ready or not scene.ready]
+    if unready or not scene.ready:
+        yield from (Withdraw(visit.id) for visit in unready)
     elif not any(offer_alive(visit, rules, now) for visit in offered):
         first = next((visit for visit in scene.queue if ready(visit, now)), None)
-        if first is not None:
+        if first is not None and not first.not_ready:
             yield Offer(first.id)

@@ -17,7 +17,7 @@ ended visit, which counts as free, and never a visit that seems to have lost its
 
 import datetime
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from django.conf import settings
@@ -107,11 +107,14 @@ def take(  # noqa: D417 -- the rest is what the page said
         LeaseContention: the lease changed under every attempt.
     """
     asker = _Asker(robot, visitor, peer, device or {}, now)
-    operator = robot.turnaround != Robot.Turnaround.READY and bool(may_operate(visitor, robot))
-    ask = Ask(visitor=str(visitor.pk), peer=peer, session=session, old_peer=old_peer, takeover=takeover, operator=operator)
     Lease.objects.get_or_create(robot=robot, defaults={"changed_at": now})
     for _ in range(ATTEMPTS):
         scene = load_scene(robot, now)
+        ask = Ask(
+            visitor=str(visitor.pk), peer=peer, session=session, old_peer=old_peer, takeover=takeover,
+            operator=(robot.turnaround != Robot.Turnaround.READY or bool(scene.waits_for)) and bool(may_operate(visitor, robot)),
+            not_ready=terms.not_ready(visitor, robot, now) if scene.holder is None else "",
+        )  # fmt: skip
         taken = _carry_out(decide_take(scene, ask, rules_of(robot), now.timestamp()), scene, asker)
         if taken is not None:
             return taken
@@ -284,10 +287,15 @@ def end(session: str, outcome: str, reason: str, now: datetime.datetime, **only_
 def _send_home(session: str, now: datetime.datetime) -> None:
     """Have the robot that a visit holds return before it is anybody's; the session manager undoes this for one that is still driven."""
     for lease in Lease.objects.filter(session_id=session).select_related("robot"):
-        if lease.robot.can_go_home:
-            Robot.objects.filter(pk=lease.robot_id, turnaround=Robot.Turnaround.READY).update(
-                turnaround=Robot.Turnaround.RETURNING, turnaround_reason="dock", turnaround_at=now
-            )
+        send_home(lease.robot, now)
+
+
+def send_home(robot: Robot, now: datetime.datetime) -> bool:
+    """Have a robot go home before anybody gets it; False when it does not do that, or is on its way already."""
+    if not robot.can_go_home:
+        return False
+    ready = Robot.objects.filter(pk=robot.pk, turnaround=Robot.Turnaround.READY)
+    return bool(ready.update(turnaround=Robot.Turnaround.RETURNING, turnaround_reason="dock", turnaround_at=now))
 
 
 def change_lease(robot: Robot, epoch: int, *, session: str | None, peer: str, now: datetime.datetime) -> bool:
@@ -342,15 +350,27 @@ def load_scenes(robots: Sequence[Robot], now: datetime.datetime) -> dict[Any, Sc
     """Read what decisions about robots look at, by the robots' keys, in as many queries as for one: sessions first, then leases (see the top)."""
     keys = [robot.pk for robot in robots]
     visits: dict[Any, dict[str, Visit]] = {key: {} for key in keys}
+    sessions: dict[str, Session] = {}
     for session in Session.objects.filter(robot__in=keys, state__in=LIVE).defer("device", "summary"):
-        visits[session.robot_id][str(session.pk)] = visit_of(session)
+        visits[session.robot_id][str(session.pk)], sessions[str(session.pk)] = visit_of(session), session
     leases = {lease.robot_id: lease for lease in Lease.objects.filter(robot__in=keys)}
     # Whoever has a robot and was not among them perhaps began after they were read.
     late = [lease.session_id for key, lease in leases.items() if lease.session_id and str(lease.session_id) not in visits[key]]
     for session in Session.objects.filter(pk__in=late, state__in=LIVE) if late else ():
         visits[session.robot_id][str(session.pk)] = visit_of(session)
     pauses = _pauses_of(keys)
-    return {robot.pk: _scene(robot, leases.get(robot.pk), tuple(visits[robot.pk].values()), pauses.get(robot.pk, ""), now) for robot in robots}
+    scenes = {robot.pk: _scene(robot, leases.get(robot.pk), tuple(visits[robot.pk].values()), pauses.get(robot.pk, ""), now) for robot in robots}
+    return {robot.pk: _asked_if_ready(scenes[robot.pk], robot, sessions, now) for robot in robots}
+
+
+def _asked_if_ready(scene: Scene, robot: Robot, sessions: dict[str, Session], now: datetime.datetime) -> Scene:
+    """Ask for whoever would be next whether a free robot is as they need it."""
+    if scene.holder is not None or not scene.ready:
+        return scene
+    open_now = [visit for visit in scene.queue if visit.page_open(now.timestamp())]
+    next_ones = {visit.id for visit in (*open_now[:1], *(visit for visit in open_now if visit.offered_at is not None))}
+    why = {key: terms.not_ready(sessions[key].visitor, robot, now) for key in next_ones if key in sessions}
+    return replace(scene, visits=tuple(replace(visit, not_ready=why.get(visit.id, "")) for visit in scene.visits))
 
 
 def _scene(robot: Robot, lease: Lease | None, visits: tuple[Visit, ...], pause: str, now: datetime.datetime) -> Scene:

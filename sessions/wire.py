@@ -188,7 +188,8 @@ class Task(Message, frozen=True, kw_only=True):
 class Queued(Message, frozen=True, kw_only=True):
     """`session/queued`: you wait; `place` 1 is next, `minutes` the estimate.
 
-    `reason` says why a robot that nobody drives is not ready: `returning`, `charging` or `paused`, a colon, and what the robot says.
+    `reason` says why a robot that nobody drives is not ready: `returning`, `charging` or `paused`, a colon, and what the robot says;
+    or `start`, a colon, and in one word why it is not as a study wants it: `not_docked`, `elsewhere`, `lost`, `charge`, `silent`.
     """
 
     session: Id

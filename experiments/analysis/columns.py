@@ -12,11 +12,15 @@ WAYS = ("datachannel", "mqtt")
 
 @dataclass(frozen=True)
 class Column:
-    """A column: its name in the file, the unit of its values ("" for a count, a word or a share), and what it says."""
+    """A column: its name in the file, the unit of its values ("" for a count, a word or a share), and what it says.
+
+    One that is `late` was added when datasets had been written already: those lack it, and are read all the same.
+    """
 
     name: str
     unit: str
     meaning: str
+    late: bool = False
 
 
 STATES = (
@@ -100,6 +104,29 @@ SESSIONS = (
     Column("first_frame", "s", "when the first picture was shown"),
     Column("first_motion", "s", "when the first command moved the robot"),
     Column("ended", "s", "when the session ended"),
+    *(
+        column
+        for name, word in (("began", "first"), ("ended", "last"))
+        for column in (
+            Column(f"{name}_x", "m", f"position on the map in the {word} state; empty when the robot did not know it", late=True),
+            Column(f"{name}_y", "m", "likewise", late=True),
+            Column(f"{name}_theta", "rad", "heading, likewise", late=True),
+            Column(f"{name}_docked", "", f"1 when the robot was docked in the {word} state, 0 when not, empty when there is none", late=True),
+            Column(f"{name}_charge", "", f"share of the battery's charge in the {word} state; empty when unknown", late=True),
+        )
+    ),
+    Column(
+        "docked_seconds",
+        "s",
+        "how long the robot had to rest on its charging contacts to be docked; empty where one state in the station was enough",
+        late=True,
+    ),
+    Column(
+        "dock_contacts",
+        "",
+        "how often the charging contacts met after the last checkpoint; 1 is a docking that held at once; empty without that rule",
+        late=True,
+    ),
     Column("operator", "", "1 when an operator intervened"),
     Column("missing", "", "states that are known to be lost"),
     Column("excluded", "", "why a researcher excluded it; empty when not"),

@@ -101,7 +101,7 @@ def _rows(folder: Path, name: str) -> Iterator[dict[str, str]]:
     except (OSError, UnicodeDecodeError) as error:
         raise DatasetError(f"{path.name} cannot be read: {error}") from error
     reader = csv.DictReader(io.StringIO(text, newline=""), strict=True)
-    lacking = {column.name for column in TABLES[name]} - set(reader.fieldnames or ())
+    lacking = {column.name for column in TABLES[name] if not column.late} - set(reader.fieldnames or ())
     if lacking:
         raise DatasetError(f"{path.name} lacks the columns {', '.join(sorted(lacking))}")
     try:
@@ -115,7 +115,7 @@ def _rows(folder: Path, name: str) -> Iterator[dict[str, str]]:
 
 def _record(kind: type[Any], row: dict[str, str], name: str) -> Any:
     try:
-        return kind(**{one.name: _value(row[one.name], one.type) for one in fields(kind)})
+        return kind(**{one.name: _value(row[one.name], one.type) for one in fields(kind) if one.name in row})
     except (ValueError, TypeError) as error:
         raise DatasetError(f"description-{name}_data.csv: {error} in {dict(list(row.items())[:3])}") from error
 

@@ -97,8 +97,10 @@ class Driver:
         if cue.startswith("photo_"):
             return self._photo(cue, view, pose, now)
         self._asked_photo, self._steady_since = False, None
-        if cue in {"return_home", "dock_now"} or (cue == "lost" and view.task.number == 0) or self._is_early(cue, view, pose):
-            return Intent(self._unstuck(pose, self._home(view, pose, now), now))
+        is_early = self._is_early(cue, view, pose)
+        if cue in {"return_home", "dock_now", "dock_hold", "dock_again"} or (cue == "lost" and view.task.number == 0) or is_early:
+            lets_go = cue == "dock_hold" or view.contact  # until the robot is docked, or the contacts part again
+            return Intent() if lets_go else Intent(self._unstuck(pose, self._home(view, pose, now), now))
         self._docking = False
         if view.task.x is None or view.task.y is None:
             return Intent()

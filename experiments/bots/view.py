@@ -41,6 +41,7 @@ class View:
     pose: Pose2D | None = None
     localized: bool = False
     docked: bool = False
+    contact: bool = False  # the charging contacts meet
     tilt: float | None = None
     state: State | None = None
     states: int = 0
@@ -101,6 +102,7 @@ class View:
     def _state(self, state: State) -> None:
         self._pose(state.pose, state.tilt)
         self.state, self.states, self.docked = state, self.states + 1, state.docked
+        self.contact = state.docked if state.charger_contact is None else state.charger_contact
         if state.session == self.session:
             self.assists.add(state.assist)
 

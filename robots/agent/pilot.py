@@ -179,7 +179,7 @@ class Pilot:
 
     def reading(self, reading: RcaState) -> None:
         """Take what the RCA reports, and say what has changed."""
-        before = self.reports.reading
+        before, was_docked = self.reports.reading, self.reports.docked
         self._kernel.measured(reading.velocity)
         self._kernel.assist.clearance = reading.clearance
         if self._kernel.button(pressed=reading.estop, now=self._times.now(), unix=self._times.unix()):
@@ -188,6 +188,8 @@ class Pilot:
         self.reports.take(reading)
         if before.stamp > 0.0:
             self._say_changes(before, reading)
+            if self.reports.docked != was_docked:
+                self.reports.event("docked" if self.reports.docked else "undocked")
 
     def progressed(self, progress: ActionProgress) -> None:
         """Take news of an action."""
@@ -384,8 +386,6 @@ class Pilot:
         return self._line.report() if self._line is not None else None, self._media.network
 
     def _say_changes(self, before: RcaState, after: RcaState) -> None:
-        if after.docked != before.docked:
-            self.reports.event("docked" if after.docked else "undocked")
         if after.battery.charging and not before.battery.charging:
             self.reports.event("charging")
         if after.contacts > before.contacts:

@@ -15,6 +15,8 @@ from robots.agent.cadence import Cadence
 from robots.agent.motion import ZERO
 from robots.agent.safety import STANDSTILL, Kernel
 from robots.agent.times import Times
+from robots.api import docked
+from robots.api.docked import DockReading, DockState
 from robots.api.messages import (
     AppliedCommand,
     CallState,
@@ -81,6 +83,7 @@ class Reports:
         self._screens, self._call, self._networks = screens, call, networks
         self._devices = devices
         self.reading = UNKNOWN
+        self._dock = DockState()
         self.errors: dict[str, str] = {}
         self._seq = 0
         self._kept: deque[tuple[int, bytes]] = deque(maxlen=STATES_KEPT)
@@ -106,6 +109,12 @@ class Reports:
         """Take a reading, and send the pose and the scan when they are due."""
         now = self._times.now()
         before, self.reading = self.reading, reading
+        velocity, released = reading.velocity, self._kernel.commanded == ZERO
+        self._dock = docked.follow(
+            docked.DOCKED,
+            self._dock,
+            DockReading(at=now, contact=reading.charger_contact, linear=velocity.linear, angular=velocity.angular, released=released),
+        )
         self._distance += max(0.0, reading.distance - before.distance)
         self._contacts += max(0, reading.contacts - before.contacts)
         if reading.clearance is not None:
@@ -130,6 +139,11 @@ class Reports:
         """Send a state at once, or very soon: a stop waits for its echo."""
         self._hurry = True
         self._hurried()
+
+    @property
+    def docked(self) -> bool:
+        """Tell whether the robot is docked (robots/api/docked.py)."""
+        return self._dock.docked
 
     # --- saying ------------------------------------------------------------------------------------------------------
 
@@ -191,7 +205,8 @@ class Reports:
             pose=reading.pose,
             velocity=reading.velocity,
             battery=reading.battery,
-            docked=reading.docked,
+            docked=self._dock.docked,
+            charger_contact=reading.charger_contact,
             tilt=reading.tilt,
             mode=_mode(kernel),
             assist=kernel.assist.level,

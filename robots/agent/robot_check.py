@@ -172,7 +172,7 @@ class RobotCheck:
         """Drive, fall silent, and see when the base stops."""
         params = self._params
         # A robot in its dock would push against the contacts.
-        speed = -params.speed if self._states and self._states[-1].docked else params.speed
+        speed = -params.speed if self._states and self._states[-1].charger_contact else params.speed
         silent_at = await self._drive(speed)
         if not any(abs(sample.speed) > params.moving for sample in self._samples if sample.at <= silent_at):
             self._say(f"By its readings the base did not move, though it was told {speed:g} m/s for {params.driving:g} s. Nothing is measured.")

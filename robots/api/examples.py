@@ -27,6 +27,7 @@ _STATE = m.State(
     velocity=_ROLLING,
     battery=m.Battery(charge=0.82, voltage=27.4, charging=True),
     docked=True,
+    charger_contact=True,
     tilt=0.1,
     mode="assisted",
     assist="slow",

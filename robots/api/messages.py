@@ -262,6 +262,10 @@ class State(Message, frozen=True, kw_only=True):
     `call` says how far the driver's voice and face get, absent when the driver sends neither; `screens` how many pages show them.
     `control_network` and `video_network` are there while the robot makes the driver's network worse, as `config` told it to.
     `camera_status` is there while the camera is wanted and gives no video, or gave none when it was wanted last; `errors` says why, too.
+
+    `charger_contact` tells whether the charging contacts meet now, or the robot charges. `docked` is more: they have met for 2 s while
+    the robot stood still (at most 0.03 m/s and 0.06 rad/s) and no velocity was asked of it, and have not been apart for 0.5 s since.
+    An agent that does not send `charger_contact` means by `docked` what its robot means by it.
     """
 
     stamp: Stamp
@@ -273,6 +277,7 @@ class State(Message, frozen=True, kw_only=True):
     velocity: Velocity
     battery: Battery
     docked: bool = False
+    charger_contact: bool | None = None
     tilt: Radians | None = None
     mode: Mode = "manual"
     assist: AssistLevel = "off"

@@ -50,6 +50,10 @@ every one before, and it is young enough by the clock offset that heartbeats gav
 robot brakes. `stop` and `estop` are obeyed from any sender, at any age, under any lease. A lease lives for `ttl` seconds *from its
 receipt*, and a copy that the broker delivers from its store (retain = 1) never permits driving.
 
+`docked` in `state` and the events `docked` and `undocked` mean one thing everywhere: the charging contacts have met, or the robot has charged,
+for 2 s without a break while it stood still (at most 0.03 m/s and 0.06 rad/s) and no velocity but zero was asked of its wheels; and the
+contacts have not been apart for 0.5 s since. `charger_contact` says whether they meet now. The `dock` action ends when the robot is docked.
+
 Between two visits there is no lease, and the server orders by itself what makes the robot ready for the next: `dock`, `tilt` (its
 home), `relocalize` and `photo`, with role `server`. Such a photo is a trial of the camera and is not kept. The next visitor is called
 when the robot says in `state` that it is docked, localized and charged, has given that picture, and echoes the server's heartbeats.

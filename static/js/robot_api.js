@@ -127,6 +127,7 @@ const TO_PAGE = {
       velocity,
       battery,
       docked: optional(flag, false),
+      chargerContact: absent(flag),
       tilt: absent(radians),
       mode: optional(oneOf("manual", "assisted", "goto", "docking", "stopped"), "manual"),
       assist: optional(assist, "off"),

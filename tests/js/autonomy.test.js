@@ -267,6 +267,13 @@ describe("the queue of a robot that is not ready", () => {
     assert.deepEqual(unfit.map(({ word, detail }) => [word, detail.word]), [["queued.unfit", "reason.camera"], ["queued.unfit", "reason.network"]]);
   });
 
+  test("says what of a study's start condition does not hold", () => {
+    const reasons = ["not_docked", "elsewhere", "lost", "charge", "silent"];
+    assert.deepEqual(reasons.map((reason) => card(`start: ${reason}`).word), reasons.map((reason) => `queued.start_${reason}`));
+    assert.equal(card("start: something_newer").word, "queued.start_silent");
+    assert.deepEqual(reasons.flatMap((reason) => [`queued.start_${reason}.title`, `queued.start_${reason}.text`]).filter((key) => !KEYS.has(key)), []);
+  });
+
   test("has its words", () => {
     const words = ["returning: dock", "returning: picture", "charging: charging", "returning: offline", "paused: estop", "paused: x", "paused: network"].map((reason) => card(reason).word);
     assert.deepEqual(words.flatMap((word) => [`${word}.title`, `${word}.text`]).filter((key) => !KEYS.has(key)), []);

@@ -10,9 +10,11 @@ from experiments.bots.steering import Speed
 from experiments.bots.view import View
 from experiments.cues import LEAVING, NEAR_HOME
 from experiments.shipped import shipped
+from robots.agent.simulator.drive import STILL
 from robots.agent.simulator.profiles import GIRAFF
 from robots.agent.simulator.simulation import Simulation
 from robots.agent.world.sites import load_plan
+from robots.api.docked import DOCKED, DockReading, DockState, follow
 from robots.api.geometry import Pose2D
 from sessions import wire
 from tests.support.newcomer import Keys, Mind
@@ -70,7 +72,7 @@ class Person:
         self.mind = Mind(Driver(plan, self.guide, Speed(0.6, 0.6)))
         self.sim = Simulation(GIRAFF, plan, seed=self.seed, start=self.start)
         self.sim.set_doors({door.name: "closed" if door.name in self.closed else "open" for door in plan.doors})
-        self.cue, self.step = "", "Normal"
+        self.cue, self.step, self.dock = "", "Normal", DockState()
 
     def drive(self, passed: int, within: float) -> float | None:
         """Pass the checkpoints after `passed` and dock; return the seconds, None when it took longer than `within`."""
@@ -79,7 +81,8 @@ class Person:
         while self.sim.time < within:
             seen.append(self.sim.pose)
             passed += self._at(passed)
-            if passed == len(self.guide.stops) - 1 and self.sim.docked:
+            self._follow_dock()
+            if passed == len(self.guide.stops) - 1 and self.dock.docked:
                 return self.sim.time
             if self.sim.time >= next_look:
                 next_look = self.sim.time + self.rng.uniform(0.7, 1.3) * self.looks
@@ -87,6 +90,11 @@ class Person:
             self.sim.command(*keyboard.speed(self.step))
             self.sim.step(DT)
         return None
+
+    def _follow_dock(self) -> None:
+        motion, released = self.sim.motion, self.sim.commanded == STILL
+        reading = DockReading(at=self.sim.time, contact=self.sim.docked, linear=motion.linear, angular=motion.angular, released=released)
+        self.dock = follow(DOCKED, self.dock, reading)
 
     def _at(self, passed: int) -> bool:
         stop = self.guide.stops.get(passed + 1)
@@ -106,5 +114,7 @@ class Person:
             self.cue = "leave_station" if self.sim.docked else "go_to_checkpoint"
             return wire.Task(session="s", stamp=0.0, cue=self.cue, number=passed + 1, x=stop[0], y=stop[1])
         home = math.dist((self.guide.dock.x, self.guide.dock.y), self.sim.pose[:2])
+        if self.dock.touching:
+            return wire.Task(session="s", stamp=0.0, cue="dock_hold")
         self.cue = "dock_now" if home <= NEAR_HOME * (LEAVING if self.cue == "dock_now" else 1.0) else "return_home"
         return wire.Task(session="s", stamp=0.0, cue=self.cue)

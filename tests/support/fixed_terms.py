@@ -8,16 +8,19 @@ from sessions import terms
 
 
 class FixedTerms:
-    """`terms` are given to every visit, `reason` is against every visit, `refusal` ends it when it is granted; `asked` counts grants."""
+    """`terms` are given to every visit, `reason` is against every visit, `lacks` has them wait, `refusal` ends it when it is granted; `asked` counts grants."""
 
     def __init__(self) -> None:
         self.terms: terms.Terms | None = None
-        self.reason = self.refusal = ""
+        self.reason = self.refusal = self.lacks = ""
         self.task: dict[str, Any] = {}
         self.asked = 0
 
     def why_not(self, _user, _robot, _now) -> str:
         return self.reason
+
+    def not_ready(self, _user, _robot, _now) -> str:
+        return self.lacks
 
     def granted(self, _session, _now) -> terms.Terms | None:
         self.asked += 1

@@ -73,7 +73,7 @@ class Rig:
         self._sense()
         done = self.navigator.step(
             estimate=self._estimate(), odometry=self.sim.odometry, velocity=self._measured(), beams=self.beams,
-            points=self.memory.near(self.sim.odometry, 3.0), docked=self.sim.docked, now=self.sim.time,
+            points=self.memory.near(self.sim.odometry, 3.0), charger_contact=self.sim.docked, now=self.sim.time,
         )  # fmt: skip
         if done.reason and (not self.reasons or self.reasons[-1] != done.reason):
             self.reasons.append(done.reason)

@@ -27,7 +27,7 @@ from tests.support.patience import patient
 CUES = {
     "Well done!": "completed", "Drive backwards out": "leave_station", "Go to checkpoint": "go_to_checkpoint", "This one comes later": "wrong_checkpoint",
     "turn left": "photo_turn_left", "turn right": "photo_turn_right", "drive until you stand": "photo_move", "Do you see the robot": "photo_ready",
-    "keep it, or take another": "photo_review", "Return to the charging station": "return_home", "Drive slowly into": "dock_now",
+    "keep it, or take another": "photo_review", "Return to the charging station": "return_home", "Drive slowly into": "dock_now", "Let go and wait": "dock_hold", "Contact lost": "dock_again",
     "Not home yet": "docked_early", "does not know where it is": "lost", "Done!": "completed", "The time is up": "timed_out", "The task is over": "ended",
 }  # fmt: skip
 OVER = {"completed", "timed_out", "ended"}
@@ -149,7 +149,7 @@ class Mind:
 
     def _step_for(self, cue: str, pose: Pose2D) -> str:
         dock = self.driver.guide.dock
-        if cue.startswith("photo_") or cue == "dock_now" or math.dist((dock.x, dock.y), (pose.x, pose.y)) < 1.6:
+        if cue.startswith("photo_") or cue in {"dock_now", "dock_again"} or math.dist((dock.x, dock.y), (pose.x, pose.y)) < 1.6:
             return "Slow"
         return "Normal"
 

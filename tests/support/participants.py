@@ -17,6 +17,7 @@ from experiments.shipped import shipped
 from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan, Robot
 from sessions.models import Session
+from tests.support.docked_robot import report_in_dock
 
 OFFICE = Path(settings.BASE_DIR) / "robots" / "agent" / "world" / "plans" / "office"
 
@@ -29,6 +30,7 @@ def site(name: str = "office", *, series: str = "giraff") -> Robot:
         title=series.title(),
         floor_plan=place,
         factsheet={"series": series},
+        report=report_in_dock(place, series),
         connection="ONLINE",
         last_seen_at=later(3600),  # it is heard of for longer than any test takes
     )

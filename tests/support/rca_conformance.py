@@ -166,7 +166,7 @@ class RcaConformance(AdapterConformance):
         assert state.battery.voltage == pytest.approx(self.rig.world.sim.voltage(), abs=0.05)
         assert state.battery.charge == pytest.approx(self.rig.world.sim.charge, abs=0.1)
         assert not state.battery.charging
-        assert not state.docked
+        assert not state.charger_contact
 
     async def test_it_is_sent_somewhere_and_says_when_it_is_there(self, adapter: Adapter) -> None:
         if "goto" not in adapter.profile.capabilities:
@@ -204,12 +204,12 @@ class RcaConformance(AdapterConformance):
         if "dock" in own:
             await near_dock.start(Dock(action_id="d", stamp=0.0))
             assert (await heard(near_dock, ended("d"), 15.0))[-1].status == "FINISHED"
-            state = await wait_for(near_dock, lambda s: s.docked)
+            state = await wait_for(near_dock, lambda s: s.charger_contact)
             assert state.battery.charging
         if "undock" in own:
             await near_dock.start(Undock(action_id="u", stamp=0.0))
             assert (await heard(near_dock, ended("u"), 15.0))[-1].status == "FINISHED"
-            await wait_for(near_dock, lambda s: not s.docked)
+            await wait_for(near_dock, lambda s: not s.charger_contact)
 
     async def test_it_can_be_told_where_it_is(self, adapter: Adapter) -> None:
         if "relocalize" not in adapter.profile.capabilities:

@@ -1,8 +1,12 @@
 """The small study's site and robot in the database, as publishing finds them."""
 
+import datetime
+
 import msgspec
+from django.utils import timezone
 
 from robots.models import FloorPlan, Robot
+from tests.support.docked_robot import report_in_dock
 from tests.support.studies import PLAN
 
 ALL = ("velocity", "goto", "follow", "dock", "undock", "tilt", "assist", "photo", "video", "doors")
@@ -20,4 +24,7 @@ def cabin_with_giraff() -> FloorPlan:
 def robot_at(plan: FloorPlan, name: str, series: str, *, capabilities=ALL, linear: float = 0.6) -> Robot:
     """Make a robot whose factsheet has what studies ask of it."""
     sheet = {"series": series, "capabilities": list(capabilities), "limits": {"linear": linear}}
-    return Robot.objects.create(name=name, title=name.title(), floor_plan=plan, factsheet=msgspec.to_builtins(sheet))
+    heard = timezone.now() + datetime.timedelta(hours=1)  # for longer than any test takes
+    return Robot.objects.create(
+        name=name, title=name.title(), floor_plan=plan, factsheet=msgspec.to_builtins(sheet), report=report_in_dock(plan, series), last_seen_at=heard
+    )

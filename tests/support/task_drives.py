@@ -6,6 +6,7 @@ from dataclasses import replace
 from experiments.course import Track, lay_out
 from experiments.engine import TaskEngine
 from experiments.records import FirstFrame, Record, Seen
+from robots.api.docked import DOCKED
 from tests.support.studies import cabin, small_study
 
 RATE = 4.0
@@ -26,7 +27,7 @@ def track(condition: str = "all_open", **changes: object) -> Track:
 
 
 class Drive:
-    """Writes the record of a drive: `go` along points at `speed` m/s, `stay`, `dock`."""
+    """Writes the record of a drive: `go` along points at `speed` m/s, `touch` the station's contacts, `dock`."""
 
     def __init__(self, at: float = START, *, frame: bool = True) -> None:
         self.at, self.seq, self.speed = at, 0, 0.5
@@ -37,9 +38,25 @@ class Drive:
         if frame:
             self.say(FirstFrame(self.at, "frame"))
 
-    def see(self, *, docked: bool = False, localized: bool = True) -> "Drive":
-        """A state where the robot is."""
-        self.records.append(Seen(self.at, "boot", self.seq, self.x, self.y, self.theta, localized=localized, docked=docked))
+    def see(
+        self, *, docked: bool = False, contact: bool | None = None, localized: bool = True, linear: float = 0.0, released: bool = True
+    ) -> "Drive":  # fmt: skip
+        """A state where the robot is; docked robots have contact."""
+        self.records.append(
+            Seen(
+                self.at,
+                "boot",
+                self.seq,
+                self.x,
+                self.y,
+                self.theta,
+                localized=localized,
+                docked=docked,
+                contact=docked if contact is None else contact,
+                linear=linear,
+                released=released,
+            )
+        )
         self.seq += 1
         self.at += 1.0 / RATE
         return self
@@ -58,7 +75,7 @@ class Drive:
             self.theta = math.atan2(y - from_y, x - from_x)
             for n in range(1, count + 1):
                 self.x, self.y = from_x + n / count * (x - from_x), from_y + n / count * (y - from_y)
-                self.see()
+                self.see(linear=self.speed, released=False)
         return self
 
     def turn(self, theta: float) -> "Drive":
@@ -66,10 +83,18 @@ class Drive:
         self.theta = theta
         return self.see()
 
-    def dock(self) -> "Drive":
-        """Stand in the station, and be seen there."""
+    def touch(self, seconds: float, *, released: bool = True, linear: float = 0.0) -> "Drive":
+        """Have contact for so long; a robot that rests says that it is docked when the rule of all robots says so."""
         self.x, self.y, self.theta = *HOME, math.pi
-        return self.see(docked=True)
+        began = self.at
+        while self.at < began + seconds - 1e-9:
+            rested = self.at - began >= DOCKED.seconds and released and abs(linear) <= DOCKED.linear
+            self.see(docked=rested, contact=True, linear=linear, released=released)
+        return self
+
+    def dock(self) -> "Drive":
+        """Come to rest in the station, let go, and be seen there until it counts."""
+        return self.touch(DOCKED.seconds + 1.0 / RATE)
 
 
 def whole_drive() -> Drive:

@@ -52,8 +52,9 @@ def state_of(seen: Seen, drive: Drive, *, moving: bool = True) -> m.State:
     command = m.AppliedCommand(seq=seen.seq, stamp=seen.at, method="keyboard", way="datachannel", age=0.01, linear=0.3, angular=0.0)
     return m.State(
         stamp=seen.at + AHEAD, boot=seen.boot, seq=seen.seq, session=str(drive.session_id), epoch=1,
-        pose=m.Pose(x=seen.x, y=seen.y, theta=seen.theta, localized=seen.localized), velocity=m.Velocity(linear=0.0, angular=0.0),
-        battery=m.Battery(charge=1.0), docked=seen.docked, visitor_silence=0.1, applied=(command,) if moving and not seen.docked else (),
+        pose=m.Pose(x=seen.x, y=seen.y, theta=seen.theta, localized=seen.localized), velocity=m.Velocity(linear=seen.linear, angular=0.0),
+        battery=m.Battery(charge=1.0), docked=seen.docked, charger_contact=seen.contact, visitor_silence=0.1,
+        applied=(command,) if moving and not (seen.contact and seen.released) else (),
     )  # fmt: skip
 
 

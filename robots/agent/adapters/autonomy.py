@@ -269,7 +269,7 @@ class AutonomyAdapter:
         self._beams = beams or self._beams
         self._guard.sense(reading.stamp, reading.odometry, beams, now)
         if self.mind.ready and self._due.due(now):
-            moment = Perception(reading.stamp, reading.odometry, reading.velocity, reading.docked, self._beams, self._guard.points())
+            moment = Perception(reading.stamp, reading.odometry, reading.velocity, reading.charger_contact, self._beams, self._guard.points())
             new = self._beams is not None and self._beams.stamp != self._told_sweep
             if self.mind.say(wire.perceive(moment, new=new)) and self._beams is not None:
                 self._told_sweep = self._beams.stamp

@@ -69,6 +69,7 @@ class Profile:
 class RcaState:
     """One reading of everything the RCA reports.
 
+    `charger_contact` tells whether the charging contacts meet now, or the robot charges: whether it is docked, robots/api/docked.py says.
     `pose` is `NOWHERE` when the RCA does not localize itself; `odometry` is dead reckoning, in a frame of its own that begins anywhere.
     `clearance` is the distance in metres from the footprint to the nearest thing, None when unknown. `contacts` counts the
     collisions that began since connect(), `distance` the metres driven since then. `estop` is true while the robot's own
@@ -81,7 +82,7 @@ class RcaState:
     pose: Pose
     velocity: Velocity
     battery: Battery
-    docked: bool = False
+    charger_contact: bool = False
     tilt: float | None = None
     clearance: float | None = None
     contacts: int = 0

@@ -2,7 +2,8 @@
 
 An errand that moves the base, one that moves the head and one that tells the robot where it is may run at once; of each the newer
 replaces the older. Some RCAs say when they are done, others only do it: arriving in the dock, leaving it, the head's angle and the
-pose are seen in the readings. That an order was sent never means that it was obeyed.
+pose are seen in the readings. That an order was sent never means that it was obeyed. Docking has
+ended when the robot is docked (robots/api/docked.py), undocking when its contacts are apart.
 """
 
 import math
@@ -11,6 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from robots.agent.adapters.contract import NOWHERE, ActionProgress
+from robots.api.docked import DockState
 from robots.api.geometry import wrap_angle
 from robots.api.messages import ActionState, Pose
 
@@ -100,12 +102,12 @@ class Errands:
         for errand in (self.drive, self.head, self.whereabouts):
             self._end(errand, "FAILED", reason)
 
-    def watch(self, now: float, *, docked: bool, tilt: float | None, pose: Pose = NOWHERE, fixed_at: float = -math.inf) -> Errand | None:
+    def watch(self, now: float, *, dock: DockState, tilt: float | None, pose: Pose = NOWHERE, fixed_at: float = -math.inf) -> Errand | None:
         """Look whether something was reached, or takes too long; return what moves the base and took too long, to be taken back.
 
         Args:
             now: monotonic seconds.
-            docked: whether the robot is in its dock.
+            dock: whether the robot is docked, and whether its contacts meet.
             tilt: the head's angle in radians, None when unknown.
             pose: where the robot says that it is.
             fixed_at: when its localization said so last, monotonic seconds.
@@ -115,7 +117,7 @@ class Errands:
         drive = self.drive
         if drive is None:
             return None
-        if (drive.kind == "dock" and docked) or (drive.kind == "undock" and not docked):
+        if (drive.kind == "dock" and dock.docked) or (drive.kind == "undock" and not dock.touching):
             self._end(drive, "FINISHED", "")
         elif now > drive.deadline:
             self._end(drive, "FAILED", "it takes too long")

@@ -37,7 +37,7 @@ class Readings:
     def __init__(self, battery: BatteryRange | None = None) -> None:
         self.heard_at = self.fixed_at = -math.inf
         self.fresh = False
-        self.docked = False
+        self.charger_contact = False
         self.estop = False
         self.tilt: float | None = None
         self.errors: tuple[str, ...] = ()
@@ -90,7 +90,7 @@ class Readings:
             charge = self._range.charge(voltage)
         known = None if charge is None or not math.isfinite(charge) else min(1.0, max(0.0, charge))
         self._battery = Battery(charge=known, voltage=voltage, charging=charging)
-        self.docked = charging is True
+        self.charger_contact = charging is True
 
     def bumped(self, *, touching: bool) -> None:
         """Take the bumpers: a contact begins when one is pressed."""
@@ -117,7 +117,7 @@ class Readings:
         self.fresh = False
         scan, self._scan = self._scan, None
         return RcaState(
-            stamp=self._stamp, pose=self.pose, velocity=self.velocity, battery=self._battery, docked=self.docked, tilt=self.tilt,
+            stamp=self._stamp, pose=self.pose, velocity=self.velocity, battery=self._battery, charger_contact=self.charger_contact, tilt=self.tilt,
             contacts=self._contacts, distance=self._distance, scan=scan, errors=self.errors, estop=self.estop, odometry=self.odometry,
         )  # fmt: skip
 

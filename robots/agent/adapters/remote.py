@@ -22,6 +22,8 @@ from robots.agent.adapters.readings import Readings
 from robots.agent.adapters.robot_profile import BatteryRange, RobotProfile
 from robots.agent.adapters.velocity_gate import GateParams, VelocityGate
 from robots.agent.motion import ZERO
+from robots.api import docked
+from robots.api.docked import DockReading, DockState
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Tilt, Undock, Velocity
 
 CONNECT_TIME = 5.0
@@ -302,13 +304,17 @@ class RemoteAdapter(ABC):
                     await self._news.wait()
 
     async def _watch(self) -> None:
+        dock = DockState()
         while True:
             now = time.monotonic()
             if self._gate.moving and self._gate.shut(now):
                 self._tell_to_stand(now)
             self._look(now)
             readings = self.readings
-            late = self.errands.watch(now, docked=readings.docked, tilt=readings.tilt, pose=readings.pose, fixed_at=readings.fixed_at)
+            velocity = readings.velocity
+            reading = DockReading(at=now, contact=readings.charger_contact, linear=velocity.linear, angular=velocity.angular)
+            dock = docked.follow(docked.DOCKED, dock, reading)
+            late = self.errands.watch(now, dock=dock, tilt=readings.tilt, pose=readings.pose, fixed_at=readings.fixed_at)
             if late is not None:
                 with contextlib.suppress(AdapterError):
                     await self._withdraw(late)  # what was told to have failed must not go on

@@ -337,7 +337,7 @@ class SimulatorAdapter:
             pose=NOWHERE,
             velocity=Velocity(linear=truth.linear, angular=truth.angular),
             battery=Battery(charge=truth.charge, voltage=truth.voltage, charging=truth.docked),
-            docked=truth.docked,
+            charger_contact=truth.docked,
             tilt=truth.tilt if self.profile.tilt else None,
             contacts=truth.contacts,
             distance=self._distance,

@@ -70,7 +70,7 @@ class Mind:
         self._path: tuple[Point, ...] = ()
         self._told_path: tuple[Point, ...] = self._path
         self._path_due = Cadence(PATH_PERIOD)
-        self._was_docked = False
+        self._had_contact = False
 
     # --- orders --------------------------------------------------------------------------------------------------------
 
@@ -171,7 +171,7 @@ class Mind:
 
     def _anchor(self, perception: Perception) -> None:
         """A robot that feels the contacts of its only dock knows where it is."""
-        came, self._was_docked = perception.docked and not self._was_docked, perception.docked
+        came, self._had_contact = perception.charger_contact and not self._had_contact, perception.charger_contact
         if not came or self._dock is None:
             return
         dock, estimate = Pose2D(self._dock.x, self._dock.y, self._dock.theta), self.estimate
@@ -185,7 +185,7 @@ class Mind:
             velocity=perception.velocity,
             points=perception.points,
             beams=perception.beams,
-            docked=perception.docked,
+            charger_contact=perception.charger_contact,
             now=perception.stamp,
         )
         running = self._driving

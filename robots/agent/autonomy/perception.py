@@ -32,7 +32,7 @@ class Perception:
     stamp: float
     odometry: Pose2D
     velocity: Velocity
-    docked: bool = False
+    charger_contact: bool = False
     beams: Beams | None = None
     points: Floats = field(default_factory=lambda: NO_POINTS)
 

@@ -63,7 +63,7 @@ class Perceive(Word, frozen=True):
     stamp: float
     odometry: Pose2D
     velocity: Velocity
-    docked: bool
+    charger_contact: bool
     sweep: Sweep | None
     points: bytes
 
@@ -125,7 +125,7 @@ def perceive(moment: Perception, *, new: bool) -> Perceive:
         beams = moment.beams
         ranges = beams.ranges.astype(np.float32).tobytes()
         sweep = Sweep(beams.stamp, beams.angle_min, beams.angle_increment, beams.range_max, beams.mount, ranges)
-    return Perceive(moment.stamp, moment.odometry, moment.velocity, moment.docked, sweep, moment.points.astype(np.float32).tobytes())
+    return Perceive(moment.stamp, moment.odometry, moment.velocity, moment.charger_contact, sweep, moment.points.astype(np.float32).tobytes())
 
 
 def perceived(message: Perceive, beams: Beams | None) -> Perception:
@@ -138,7 +138,7 @@ def perceived(message: Perceive, beams: Beams | None) -> Perception:
         points = np.frombuffer(message.points, dtype=np.float32).astype(np.float64).reshape(-1, 2)
     except ValueError as error:
         raise framing.WireError(str(error)) from error
-    return Perception(message.stamp, message.odometry, message.velocity, message.docked, beams, points)
+    return Perception(message.stamp, message.odometry, message.velocity, message.charger_contact, beams, points)
 
 
 def beams_in(sweep: Sweep) -> Beams:

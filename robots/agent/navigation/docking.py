@@ -21,6 +21,7 @@ from robots.agent.navigation.follower import SETTLED, Follower
 from robots.agent.navigation.obstacles import into
 from robots.agent.navigation.steps import Sense, Step, failed, finished
 from robots.agent.world.sensing import Floats
+from robots.api.docked import DOCKED, DockReading, DockState, follow
 from robots.api.floorplan import Dock
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Limits, Velocity
@@ -39,6 +40,7 @@ ASIDE, ASKEW = 0.045, 0.1  # metres, radians: with more than this so near the co
 TOO_FAR_ASIDE = 0.3  # metres: begin anew from before the station
 PUSH = 0.04  # pressed on beyond the docked pose, where the nose meets the station: metres
 SEATED, SEATING = -0.015, 0.7  # a docked robot goes on to here, for at most so many seconds
+COMING_TO_REST = 10.0  # seconds from the first contact in which a robot must be docked
 ENTERING = 45.0  # seconds for the last metre, at most
 STALLED = 2.5  # seconds for which the wheels are asked in vain
 BACK_SPEED = 0.15  # m/s
@@ -62,7 +64,9 @@ class Docking:
     """Drive into `dock`; `approach` makes the journey to a pose of the map."""
 
     def __init__(self, dock: Dock, check: BrakeCheck, limits: Limits, approach: Callable[[Pose2D], Task]) -> None:
-        self._docked_since: float | None = None
+        self._contact_since: float | None = None
+        self._seated = DockState()
+        self._presses = True
         self._dock, self._check, self._limits, self._approach = dock, check, limits, approach
         self._pose = Pose2D(dock.x, dock.y, dock.theta)
         self._begin_try(0)
@@ -74,9 +78,9 @@ class Docking:
 
     def step(self, sense: Sense) -> Step:
         """Return what to do now."""
-        if sense.docked:
+        if sense.charger_contact and self._stage != "back":
             return self._seat(sense)
-        self._docked_since = None
+        self._contact_since, self._seated, self._presses = None, DockState(), True
         if self._stage == "approach":
             return self._come(sense)
         if self._stage == "back":
@@ -138,12 +142,18 @@ class Docking:
         return self._running(done.velocity, reason, min(0.99, 0.75 + 0.25 * (1.0 + here.x / BEFORE)))
 
     def _seat(self, sense: Sense) -> Step:
-        """The contacts meet: press on a little, so that they go on meeting."""
-        self._docked_since = sense.now if self._docked_since is None else self._docked_since
-        deep = self._docked_in_odometry is None or self._stage != "enter" or self._error(sense).x >= SEATED
-        if deep or sense.now - self._docked_since >= SEATING:
+        """The contacts meet: press on a little, so that they go on meeting; then stand until the robot is docked."""
+        self._contact_since = sense.now if self._contact_since is None else self._contact_since
+        velocity, released = sense.velocity, not self._presses
+        reading = DockReading(at=sense.now, contact=True, linear=velocity.linear, angular=velocity.angular, released=released)
+        self._seated = follow(DOCKED, self._seated, reading)
+        if self._seated.docked:
             return finished()
-        return self._running(Velocity(linear=SLOW, angular=0.0), "", 0.99)
+        if sense.now - self._contact_since >= COMING_TO_REST:
+            return self._again(sense, "the robot did not come to rest on the contacts")
+        deep = self._docked_in_odometry is None or self._stage != "enter" or self._error(sense).x >= SEATED
+        self._presses = not deep and sense.now - self._contact_since < SEATING
+        return self._running(Velocity(linear=SLOW, angular=0.0) if self._presses else ZERO, "", 0.99)
 
     def _again(self, sense: Sense, reason: str) -> Step:
         """Take a try back: out, and anew; or give up."""
@@ -269,13 +279,13 @@ class Undocking:
     def step(self, sense: Sense) -> Step:
         """Return what to do now."""
         if self._away is None:
-            if not sense.docked:
+            if not sense.charger_contact:
                 return finished("the robot was not docked")
             self._away = wrap_angle(sense.odometry.theta + math.pi)
         if self._is_out:
             return self._face_away(self._away, sense)
         step = self._reverse.step(sense)
-        if step.status == "FINISHED" and sense.docked:
+        if step.status == "FINISHED" and sense.charger_contact:
             return failed("the robot is still in its charging station")
         if step.status == "FINISHED" and self._turn is not None:
             self._is_out = True

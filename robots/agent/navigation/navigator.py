@@ -141,7 +141,7 @@ class Navigator:
     # --- steps --------------------------------------------------------------------------------------------------------
 
     def step(
-        self, *, estimate: Estimate, odometry: Pose2D, velocity: Velocity, points: Floats, beams: Beams | None, docked: bool, now: float,
+        self, *, estimate: Estimate, odometry: Pose2D, velocity: Velocity, points: Floats, beams: Beams | None, charger_contact: bool, now: float,
     ) -> Step:  # fmt: skip
         """Return what to do now; call it while idle too, so that the robot knows what stands about.
 
@@ -151,7 +151,7 @@ class Navigator:
             velocity: how the robot moves now.
             points: (n, 2) what stands about, remembered, in the robot's frame now.
             beams: the newest sweep; its stamp and that of the estimate are by the same clock as `now`.
-            docked: the contacts of the charging station meet.
+            charger_contact: the contacts of the charging station meet.
             now: seconds.
         """
         self._now = now
@@ -162,7 +162,7 @@ class Navigator:
         if self._task is None:
             return self._idle(velocity)
         self._began = now if self._began is None else self._began
-        step = self._halted(estimate, odometry, now) or self._carry_on(odometry, velocity, points, docked=docked, now=now)
+        step = self._halted(estimate, odometry, now) or self._carry_on(odometry, velocity, points, charger_contact=charger_contact, now=now)
         return self._take(step)
 
     def _begin(self, task: Journey | Docking | Undocking) -> None:
@@ -206,14 +206,14 @@ class Navigator:
     def _task_needs_map(self) -> bool:
         return isinstance(self._task, Journey) or (self._task is not None and self._task.needs_map)
 
-    def _carry_on(self, odometry: Pose2D, velocity: Velocity, points: Floats, *, docked: bool, now: float) -> Step:
+    def _carry_on(self, odometry: Pose2D, velocity: Velocity, points: Floats, *, charger_contact: bool, now: float) -> Step:
         assert self._task is not None
         assert self._beams is not None
-        if docked and isinstance(self._task, Journey) and self._then is None:
+        if charger_contact and isinstance(self._task, Journey) and self._then is None:
             self._then, self._task = self._task, self._undocking(about=False)  # the journey turns as its way asks for
         pose, beams_from = self._whereabouts.pose(), self._whereabouts.odometry_at(self._beams.stamp)
         hazards = self._hazards(odometry, beams_from, points, now)
-        return self._task.step(Sense(now, pose, odometry, velocity, hazards, self._beams, beams_from, docked))
+        return self._task.step(Sense(now, pose, odometry, velocity, hazards, self._beams, beams_from, charger_contact))
 
     def _hazards(self, odometry: Pose2D, beams_from: Pose2D, points: Floats, now: float) -> Hazards:
         assert self._beams is not None

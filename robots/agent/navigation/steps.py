@@ -26,7 +26,7 @@ class Sense:
     hazards: Hazards
     beams: Beams
     beams_from: Pose2D
-    docked: bool
+    charger_contact: bool
 
 
 @dataclass(frozen=True, eq=False)

@@ -78,11 +78,16 @@ class BodyPart:
 
 @dataclass(frozen=True)
 class DockTolerance:
-    """How far from the dock's pose the contacts still meet: metres ahead or back, metres aside, radians."""
+    """How far from the dock's pose the contacts meet: metres ahead or back, metres aside, radians.
+
+    They sit on springs: once they meet they go on meeting until the robot is `travel` metres, or `twist` radians, farther off.
+    """
 
     longitudinal: float = 0.07
     lateral: float = 0.08
     heading: float = 0.2
+    travel: float = 0.015
+    twist: float = 0.05
 
 
 @dataclass(frozen=True)

@@ -89,6 +89,7 @@ class Simulation:
         self.tilt_target = self.tilt
         self.faults: Faults = SOUND
         self._crowd: Crowd | None = None
+        self.docked = False  # whether the charging contacts meet
         self._refuse_blocked(start, self.pose)
         self._crowd = Crowd(plan, people, self.doors, (self.pose.x, self.pose.y), streams[4]) if people else None
         self.docked = self._in_dock()
@@ -144,6 +145,7 @@ class Simulation:
         self._refuse_blocked(where, pose)
         self.pose = pose
         self.motion, self.touching = STILL, frozenset()
+        self.docked = False
         self.docked = self._in_dock()
 
     def step(self, dt: float) -> None:
@@ -237,11 +239,13 @@ class Simulation:
 
     def _in_dock(self) -> bool:
         tolerance = self.model.dock
+        travel, twist = (tolerance.travel, tolerance.twist) if self.docked else (0.0, 0.0)
         for dock in self.plan.docks:
             if dock.type != self.model.series or abs(dock.x - self.pose.x) + abs(dock.y - self.pose.y) > AT_DOCK:
                 continue
             error = Pose2D(dock.x, dock.y, dock.theta).inverse().compose(self.pose)
-            if abs(error.x) <= tolerance.longitudinal and abs(error.y) <= tolerance.lateral and abs(error.theta) <= tolerance.heading:
+            reaches = abs(error.x) <= tolerance.longitudinal + travel and abs(error.y) <= tolerance.lateral + travel
+            if reaches and abs(error.theta) <= tolerance.heading + twist:
                 return True
         return False
 

@@ -35,7 +35,7 @@
  * @property {number} attempt how many links in a row have failed
  * @property {number} place in the queue, 1 is next
  * @property {number} minutes estimated until the turn
- * @property {string} pause why a robot that nobody drives is not ready: `returning`, `charging` or `paused`, a colon, and its reason
+ * @property {string} pause why a robot that nobody drives is not ready: `returning`, `charging`, `paused` or `start` (of a study), a colon, and its reason
  * @property {number | null} startBy Unix time until which an offered turn can be accepted
  * @property {number | null} askedUntil Unix time until which the visitor must give a sign of being there; null while nobody asks
  * @property {number | null} signingUntil Unix time until which a sign that was asked for is given again; null once the server has it

@@ -109,11 +109,15 @@ const closed = ({ visit, betterBrowser, copied }) => {
 
 const PAUSES = new Set(["returning", "charging", "paused"]);
 const CHECKS = new Set(["level", "relocalize", "picture", "network"]);
+const LACKS = new Set(["not_docked", "elsewhere", "lost", "charge", "silent"]);
 const UNFIT = new Set(["no_picture", "network"]);
 
 /** How the robot keeps the queue waiting when nobody drives it. @param {import("../connection/session.js").Visit} visit @returns {Card} */
 const queued = ({ place, pause }) => {
   const [why, reason] = [pause.split(":")[0], pause.split(":").slice(1).join(":").trim()];
+  if (why === "start") {
+    return { word: LACKS.has(reason) ? `queued.start_${reason}` : "queued.start_silent" };
+  }
   if (!PAUSES.has(why)) {
     return { word: place <= 1 ? "queued.next" : "queued" };
   }

@@ -26,6 +26,9 @@ export const stateOf = (robot, drive, words) => {
   if (robot.held) {
     return words.say("held", { why: robot.held });
   }
+  if (!drive && robot.unready) {
+    return words.say("unready", { why: robot.unready });
+  }
   return drive ? words.say("driven") : words.say(robot.turnaround, { why: robot.reason });
 };
 

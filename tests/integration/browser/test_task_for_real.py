@@ -45,8 +45,9 @@ def test_a_participant_backs_out_takes_the_photo_docks_and_is_led_on(site, visit
     expect(photo).to_be_hidden(timeout=40_000)
     expect(page.locator("#task-stops [data-status=passed]")).to_have_count(1)
 
-    ana.hold("ArrowUp", page.get_by_role("heading", name="Well done!").is_visible, 40, "the end of the task")
+    ana.hold("ArrowUp", lambda: "Let go and wait" in cue.inner_text(), 40, "the charger")
     page.keyboard.up("ArrowUp")
+    expect(page.get_by_role("heading", name="Well done!")).to_be_visible(timeout=20_000)
     page.get_by_role("button", name="Go on").click()
     expect(page.get_by_text("Thank you for driving!")).to_be_visible(timeout=40_000)
 

@@ -69,7 +69,7 @@ def test_a_mail_server_that_is_away_stops_nobody(study, settings, caplog):
     settings.EMAIL_HOST, settings.EMAIL_PORT = "127.0.0.1", 1
     pauses(Homecoming(), 1)
     assert Robot.objects.get().turnaround == "paused"
-    assert any(record.message.startswith("pause_not_told") for record in caplog.records)
+    assert any(record.message.startswith("staff_not_told") for record in caplog.records)
 
 
 def test_everything_listens_once_however_often_it_is_connected():

@@ -68,8 +68,8 @@ def test_the_record_of_a_whole_task_gives_events_result_and_outcome(robot):
     drive = settled(close(drive, outcome="completed", reason="task", at=records[-1].at + 0.5))
     assert told(drive) == [
         ("task_started", None), ("left_station", 0), ("checkpoint", 1), ("door_passed", "door"), ("checkpoint", 2), ("photo_prompt", 2),
-        ("photo_failed", "a1"), ("photo_taken", "a2"), ("photo_again", "a2"), ("photo_taken", "a3"), ("photo_kept", "a3"), ("docked", 0),
-        ("task_ended", "completed"),
+        ("photo_failed", "a1"), ("photo_taken", "a2"), ("photo_again", "a2"), ("photo_taken", "a3"), ("photo_kept", "a3"),
+        ("dock_contact", 1), ("docked", 0), ("task_ended", "completed"),
     ]  # fmt: skip
     assert (drive.outcome, drive.exposed, drive.clock_offset) == ("completed", True, AHEAD)
     assert (drive.result["photo"], drive.result["doors"], len(drive.result["checkpoints"])) == ("kept", ["door"], 2)
@@ -152,7 +152,7 @@ def test_a_task_whose_time_is_over_is_timed_out_at_its_limit(robot):
 
 def test_who_left_before_anything_moved_gives_the_place_back(robot):
     drive = begin(robot)
-    still = [Seen(timezone.now().timestamp() + n / 4, "boot", n, 0.5, 2.0, 3.1, docked=True) for n in range(8)]
+    still = [Seen(timezone.now().timestamp() + n / 4, "boot", n, 0.5, 2.0, 3.1, docked=True, contact=True) for n in range(8)]
     write(drive, still)
     drive = settled(close(drive, outcome="connection_refused", reason="never_connected", at=still[-1].at))
     assert (drive.outcome, drive.exposed, drive.participant.stage, drive.mismatches) == ("connection_refused", False, "freed", [])
@@ -162,7 +162,7 @@ def test_who_left_before_anything_moved_gives_the_place_back(robot):
 def test_whatever_comes_after_the_first_velocity_fills_the_place(robot, outcome):
     drive = begin(robot)
     now = timezone.now().timestamp()
-    write(drive, [Seen(now, "boot", 0, 0.5, 2.0, 3.1, docked=True), Seen(now + 0.25, "boot", 1, 0.6, 2.0, 3.1)])
+    write(drive, [Seen(now, "boot", 0, 0.5, 2.0, 3.1, docked=True, contact=True), Seen(now + 0.25, "boot", 1, 0.6, 2.0, 3.1)])
     drive = settled(close(drive, outcome=outcome, reason="x", at=now + 1.0))
     assert (drive.outcome, drive.exposed, drive.participant.stage) == (outcome, True, "filled")
 

@@ -96,6 +96,7 @@ async def test_a_task_goes_on_over_the_death_of_the_session_manager_and_nothing_
     async with Touring("giraff", broker.url) as robot:
         with ManagerProcess(broker.url) as first:
             await first.connected()
+            await wait_for(lambda: (found := Robot.objects.get()).boot and found.report["boot"] == found.boot, 30, "what the robot says of itself")
             session = await take(participant)
             ready = asyncio.Event()
             listening = asyncio.create_task(listen(broker.port, session, frames, ready))
@@ -111,7 +112,7 @@ async def test_a_task_goes_on_over_the_death_of_the_session_manager_and_nothing_
         with ManagerProcess(broker.url) as second:
             await second.connected()
             await robot.go(*BACK)
-            robot.docked = True
+            robot.docked, robot.drives = True, False
             ended = await wait_for(lambda: Session.objects.filter(pk=session, state="ended").first(), 60, "the end")
             assert (ended.outcome, ended.outcome_reason) == ("completed", "task")
             await wait_for(lambda: robot.leases[-1] is None, 30, "the empty lease")
@@ -120,7 +121,17 @@ async def test_a_task_goes_on_over_the_death_of_the_session_manager_and_nothing_
             )
         listening.cancel()
     types = await sync_to_async(stored)(session)
-    assert types == ["task_started", "left_station", "checkpoint", "door_passed", "checkpoint", "photo_prompt", "docked", "task_ended"]
+    assert types == [
+        "task_started",
+        "left_station",
+        "checkpoint",
+        "door_passed",
+        "checkpoint",
+        "photo_prompt",
+        "dock_contact",
+        "docked",
+        "task_ended",
+    ]
     assert (drive.outcome, drive.exposed, drive.participant.stage, drive.mismatches) == ("completed", True, "filled", [])
     assert (frames[-1].outcome, frames[-1].passed) == ("completed", (1, 2))
     assert {frame.session for frame in frames} == {session}

@@ -26,7 +26,7 @@ def test_who_follows_the_papers_suggested_path_completes_its_task(series, doors)
     (drive.x, drive.y), drive.at = course.path[0], START
     drive.see(docked=True)
     drive.records.extend(record for record in Drive().records if not hasattr(record, "seq"))
-    engine = run(drive.go(*course.path).see(docked=True).records, track)
+    engine = run(drive.go(*course.path).dock().records, track)
     assert [number for event, number in told(engine) if event == "checkpoint"] == [1, 2, 3, 4]
     assert sorted(engine.result.doors) == sorted(doors)
     assert (engine.result.outcome, engine.result.doors_missed) == ("completed", ())

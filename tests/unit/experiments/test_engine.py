@@ -15,7 +15,7 @@ def test_the_whole_task_is_told_from_states_and_the_first_picture_alone():
     engine = run(whole_drive().records)
     assert told(engine) == [
         ("task_started", None), ("left_station", 0), ("checkpoint", 1), ("door_passed", "door"), ("checkpoint", 2), ("photo_prompt", 2),
-        ("docked", 0), ("task_ended", "completed"),
+        ("dock_contact", 1), ("docked", 0), ("task_ended", "completed"),
     ]  # fmt: skip
     result = engine.result
     assert (result.outcome, result.photo, result.doors, result.doors_missed) == ("completed", "", ("door",), ())
@@ -26,7 +26,7 @@ def test_the_whole_task_is_told_from_states_and_the_first_picture_alone():
 def test_the_visitor_is_led_from_step_to_step():
     assert cues(run(whole_drive().records)) == [
         "leave_station", "go_to_checkpoint", "go_to_checkpoint", "photo_ready", "photo_turn_right", "photo_move", "return_home", "dock_now",
-        "completed",
+        "dock_hold", "completed",
     ]  # fmt: skip
 
 
@@ -54,9 +54,12 @@ def test_docking_early_is_told_with_what_is_next_and_ends_nothing():
 
 def test_contacts_that_flicker_in_the_station_are_one_docking():
     drive = Drive().go(FIRST, HOME)
-    for docked in (True, False, True, False, True):
+    for contact in (True, False, True, False, True):
         drive.x, drive.y = HOME
-        drive.see(docked=docked)
+        drive.see(contact=contact)
+    drive.dock()
+    for contact in (False, True, False, True):
+        drive.see(docked=True, contact=contact)
     assert [event for event, _ in told(run(drive.records))].count("docked_early") == 1
 
 
@@ -345,7 +348,7 @@ def test_a_state_is_put_on_the_servers_clock():
         stamp=105.5, boot="b", seq=3, pose=Pose(x=1.0, y=2.0, theta=0.5, localized=False), velocity=Velocity(linear=0.0, angular=0.0),
         battery=Battery(charge=1.0), docked=True,
     )  # fmt: skip
-    assert seen(state, 5.0) == Seen(100.5, "b", 3, 1.0, 2.0, 0.5, localized=False, docked=True)
+    assert seen(state, 5.0) == Seen(100.5, "b", 3, 1.0, 2.0, 0.5, localized=False, docked=True, contact=True)
     assert identity(seen(state, 5.0)) == identity(seen(state, 4.0))
 
 

@@ -11,9 +11,11 @@ from experiments.course import lay_out
 from experiments.engine import TaskEngine
 from experiments.records import FirstFrame, PhotoAnswer, PhotoTaken, Seen
 from experiments.shipped import shipped
+from robots.agent.simulator.drive import STILL
 from robots.agent.simulator.profiles import model_of
 from robots.agent.simulator.simulation import Simulation
 from robots.agent.world.sites import load_site
+from robots.api.docked import DOCKED, DockReading, DockState, follow
 from robots.api.geometry import Pose2D
 from robots.api.messages import Scan
 from sessions.wire import Task
@@ -38,6 +40,7 @@ class Rig:
         self.driver = Driver(self.plan, guide, fastest, skips_photo=skips, docks_early=early)
         self.view = View(localized=True, laser=Pose2D(self.model.laser.x, 0.0, 0.0))
         self.now, self.steps, self.photos, self.answers = 0.0, 0, 0, []
+        self.dock = DockState()
         self.engine.feed(FirstFrame(0.0, "first"))
 
     def run(self, seconds):
@@ -47,14 +50,33 @@ class Rig:
 
     def step(self):
         if self.steps % STATE == 0:
-            pose = self.sim.pose
-            self.engine.feed(Seen(self.now, "boot", self.steps, pose.x, pose.y, pose.theta, docked=self.sim.docked))
+            self.feed_state()
         if self.steps % LOOK == 0:
             self.look()
         if self.steps % THINK == 0:
             self.think()
         self.sim.step(DT)
         self.now, self.steps = self.now + DT, self.steps + 1
+
+    def feed_state(self):
+        pose, motion, contact = self.sim.pose, self.sim.motion, self.sim.docked
+        released = self.sim.commanded == STILL
+        self.dock = follow(DOCKED, self.dock, DockReading(at=self.now, contact=contact, linear=motion.linear, released=released))
+        self.engine.feed(
+            Seen(
+                self.now,
+                "boot",
+                self.steps,
+                pose.x,
+                pose.y,
+                pose.theta,
+                docked=self.dock.docked,
+                contact=contact,
+                linear=motion.linear,
+                angular=motion.angular,
+                released=released,
+            )
+        )
 
     def look(self):
         laser = self.model.laser
@@ -68,7 +90,7 @@ class Rig:
         cue = self.engine.cue
         x, y = cue.target or (None, None)
         self.view.task = Task(session="s", stamp=self.now, cue=cue.key, number=cue.number, x=x, y=y)
-        self.view.pose, self.view.docked = self.sim.pose, self.sim.docked
+        self.view.pose, self.view.docked, self.view.contact = self.sim.pose, self.dock.docked, self.sim.docked
         intent = self.driver.decide(self.view, self.now)
         self.sim.command(intent.speed.linear, intent.speed.angular)
         if intent.take:

@@ -400,7 +400,7 @@ def test_poses_come_at_most_fifteen_times_a_second_and_only_while_something_move
 def test_docking_collisions_and_a_lost_localization_are_events(rig):
     rig.wait(lambda: rig.link.all("state"))
     rig.robot.reading = still(
-        docked=True, battery=m.Battery(charge=0.5, charging=True), contacts=1, pose=m.Pose(x=0.0, y=0.0, theta=0.0, localized=False)
+        charger_contact=True, battery=m.Battery(charge=0.5, charging=True), contacts=1, pose=m.Pose(x=0.0, y=0.0, theta=0.0, localized=False)
     )
     for kind in ("docked", "charging", "collision", "localization_lost"):
         rig.link.wait("event", lambda e, kind=kind: e.type == kind)

@@ -245,7 +245,7 @@ async def test_a_robot_without_a_camera_has_none() -> None:
 async def test_standing_it_stands_until_the_end() -> None:
     adapter = made(start="dock")
     await adapter.connect()
-    state = await wait_for(adapter, lambda s: s.docked)
+    state = await wait_for(adapter, lambda s: s.charger_contact)
     assert stands(state)
     assert state.battery.charging
     assert state.battery.voltage > 25.0

@@ -69,10 +69,11 @@ def test_undocking_backs_out_first_and_turns_then() -> None:
     assert {turned for progress, turned in seen if progress > 0.6} == {True}
 
 
-def test_docking_a_docked_robot_and_undocking_a_free_one_are_done_at_once() -> None:
+def test_docking_a_docked_robot_and_undocking_a_free_one_are_done_where_they_stand() -> None:
     docked = rig("dock")
     docked.navigator.dock()
-    assert docked.run(2.0).status == "FINISHED"
+    assert docked.run(3.0).status == "FINISHED"
+    assert docked.sim.distance < 0.01
     free = rig("lab-centre")
     free.navigator.undock()
     assert (free.run(2.0).status, free.sim.distance) == ("FINISHED", 0.0)

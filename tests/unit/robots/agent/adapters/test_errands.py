@@ -1,6 +1,9 @@
 """What was ordered of an RCA, and what becomes of it."""
 
 from robots.agent.adapters.errands import Errand, Errands
+from robots.api.docked import DockState
+
+APART, TOUCHING, SEATED = DockState(), DockState(touching=True), DockState(touching=True, docked=True)
 
 
 def told():
@@ -21,11 +24,13 @@ def test_the_newer_errand_of_the_base_replaces_the_older_and_the_head_is_apart()
 def test_docking_is_done_in_the_dock_and_undocking_out_of_it():
     errands, news = told()
     errands.begin(Errand("d", "dock", 0.0))
-    errands.watch(1.0, docked=False, tilt=None)
-    errands.watch(2.0, docked=True, tilt=None)
+    errands.watch(1.0, dock=APART, tilt=None)
+    errands.watch(1.5, dock=TOUCHING, tilt=None)
+    assert news == [("d", "RUNNING", "")]
+    errands.watch(2.0, dock=SEATED, tilt=None)
     errands.begin(Errand("u", "undock", 2.0))
-    errands.watch(3.0, docked=True, tilt=None)
-    errands.watch(4.0, docked=False, tilt=None)
+    errands.watch(3.0, dock=TOUCHING, tilt=None)
+    errands.watch(4.0, dock=APART, tilt=None)
     assert news == [("d", "RUNNING", ""), ("d", "FINISHED", ""), ("u", "RUNNING", ""), ("u", "FINISHED", "")]
 
 
@@ -33,16 +38,16 @@ def test_what_takes_too_long_fails_with_the_reason():
     errands, news = told()
     errands.begin(Errand("d", "dock", 0.0, deadline=10.0))
     errands.begin(Errand("t", "tilt", 0.0, (0.5, 0.5), 5.0))
-    errands.watch(6.0, docked=False, tilt=0.1)
-    errands.watch(11.0, docked=False, tilt=0.1)
+    errands.watch(6.0, dock=APART, tilt=0.1)
+    errands.watch(11.0, dock=APART, tilt=0.1)
     assert news[2:] == [("t", "FAILED", "the head does not get there"), ("d", "FAILED", "it takes too long")]
 
 
 def test_a_head_is_there_when_its_angle_is():
     errands, news = told()
     errands.begin(Errand("t", "tilt", 0.0, (0.5, 0.5), 5.0))
-    errands.watch(1.0, docked=False, tilt=0.4)
-    errands.watch(2.0, docked=False, tilt=0.49)
+    errands.watch(1.0, dock=APART, tilt=0.4)
+    errands.watch(2.0, dock=APART, tilt=0.49)
     assert news[-1] == ("t", "FINISHED", "")
 
 

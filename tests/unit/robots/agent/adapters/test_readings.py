@@ -110,7 +110,7 @@ def test_a_charge_that_nobody_says_is_guessed_from_the_volts():
     readings.charged(voltage=35.0, charging=True)
     state = readings.state(1.1)
     assert state.battery.charge == 1.0
-    assert state.docked
+    assert state.charger_contact
     readings.charged(voltage=25.0, charge=0.9)
     assert readings.state(1.2).battery.charge == 0.9
 

@@ -139,10 +139,10 @@ def moment(**fields):
 
 
 def test_a_perception_survives_the_wire():
-    sent = moment(docked=True)
+    sent = moment(charger_contact=True)
     message = frames(bytearray(framing.pack(wire.perceive(sent, new=True))))[0]
     got = wire.perceived(message, wire.beams_in(message.sweep))
-    assert (got.stamp, got.odometry, got.velocity, got.docked) == (sent.stamp, sent.odometry, sent.velocity, True)
+    assert (got.stamp, got.odometry, got.velocity, got.charger_contact) == (sent.stamp, sent.odometry, sent.velocity, True)
     assert np.allclose(got.points, sent.points)
     assert np.allclose(got.beams.ranges, sent.beams.ranges, atol=1e-5)
     assert wire.perceive(sent, new=False).sweep is None
@@ -160,7 +160,7 @@ def test_what_is_no_message_is_refused():
         frames(bytearray(b"\xff\xff\xff\xff"))
     with pytest.raises(framing.WireError):
         wire.unpack_answer(b"\x01")
-    broken = wire.Perceive(1.0, Pose2D(0.0, 0.0, 0.0), AHEAD, docked=False, sweep=None, points=b"123")
+    broken = wire.Perceive(1.0, Pose2D(0.0, 0.0, 0.0), AHEAD, charger_contact=False, sweep=None, points=b"123")
     with pytest.raises(framing.WireError):
         wire.perceived(broken, None)
 

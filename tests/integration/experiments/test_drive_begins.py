@@ -1,0 +1,207 @@
+"""A drive of a study begins at its station: otherwise the participant waits, researchers are told, and it goes on by itself."""
+
+import datetime
+from typing import Any
+
+import msgspec
+import pytest
+from django.core import mail
+
+from accounts.models import User
+from experiments.live import now_in
+from experiments.models import Drive, StudyMember
+from experiments.records import FirstFrame
+from experiments.settling import settle
+from robots.models import Robot
+from sessions import turns
+from sessions.models import Session, SessionEvent
+from sessions.timekeeper import Timekeeper
+from sessions.timekeeping import Link
+from tests.support import participants as p
+from tests.support.docked_robot import report_in_dock
+from tests.support.studies import small_study
+from tests.support.task_drives import BACK, THERE
+from tests.support.task_drives import Drive as Told
+from tests.support.task_session import begin, cabin_robot, close, small_conditions, write
+
+pytestmark = pytest.mark.django_db
+NOW = datetime.datetime.now(datetime.UTC)
+
+
+def later(seconds: float) -> datetime.datetime:
+    return NOW + datetime.timedelta(seconds=seconds)
+
+
+@pytest.fixture
+def robot():
+    found = cabin_robot()
+    Robot.objects.update(returns_home=False)
+    return found
+
+
+@pytest.fixture
+def study():
+    found = p.published(small_study(conditions=[small_conditions()[0]], start={"charge": 0.3}))
+    researcher = User.objects.create(username="rae", email="rae@example.org")
+    StudyMember.objects.create(slug=found.slug, user=researcher, role=StudyMember.Role.RESEARCHER)
+    return found
+
+
+def stands(robot: Robot, **changes: Any) -> None:
+    Robot.objects.filter(pk=robot.pk).update(report=report_in_dock(robot.floor_plan, "giraff", **changes))
+
+
+def stands_away(robot: Robot) -> None:
+    stands(robot, docked=False, chargerContact=False, pose={"x": 1.5, "y": 2.0, "theta": 0.0})
+
+
+def ask(robot: Robot, user: User, at: datetime.datetime) -> turns.Taken:
+    return turns.take(Robot.objects.get(pk=robot.pk), user, f"peer-{user.username}", now=at)
+
+
+def looks(keeper: Timekeeper, *seconds: float) -> list[tuple[str, str]]:
+    """Let a session manager look at these times; return what pages were told, as (type, text)."""
+    for second in seconds:
+        for session in Session.objects.filter(state="waiting"):
+            turns.seen({str(session.pk)}, later(second))
+        keeper.look({"giraff": Link(since=0.0, heard_at=later(second).timestamp())}, Link(since=0.0), later(second))
+    told = [msgspec.json.decode(letter.payload) for letter in keeper.outbox if "session" in letter.topic]
+    keeper.outbox.clear()
+    return [(one["type"], one.get("text", "")) for one in told]
+
+
+def noted(session: str) -> list[str]:
+    return list(
+        SessionEvent.objects.filter(session=session, type__in=("robot_not_ready", "robot_ready", "staff_called", "offered"))
+        .order_by("stamp")
+        .values_list("type", flat=True)
+    )
+
+
+def newcomer(study: Any, name: str) -> User:
+    user = User.objects.create(username=name)
+    p.comer(study, user)
+    return user
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"docked": False}, "not_docked"),
+        ({"pose": {"x": 0.5, "y": 2.0, "theta": 3.14159, "localized": False}}, "lost"),
+        ({"pose": {"x": 1.0, "y": 2.0, "theta": 3.14159}}, "elsewhere"),
+        ({"battery": {"charge": 0.2}}, "charge"),
+        ({"boot": "of-yesterday"}, "silent"),
+    ],
+)
+def test_a_participant_waits_and_is_told_why(robot, study, changes, reason):
+    stands(robot, **changes)
+    taken = ask(robot, newcomer(study, "ada"), NOW)
+    assert isinstance(taken, turns.Queued)
+    assert (taken.place, taken.reason) == (1, f"start: {reason}")
+    assert not Drive.objects.exists()
+
+
+def test_the_second_participant_does_not_begin_where_the_first_ended_whoever_restarts_in_between(robot, study):
+    first = begin(robot, "ada", study)
+    stands_away(robot)
+    turns.end(str(first.session_id), "cancelled", "left", NOW)
+    ben = newcomer(study, "ben")
+    taken = ask(robot, ben, NOW)
+    assert isinstance(taken, turns.Queued)
+
+    told = looks(Timekeeper(), 0.5, 1.0, 3.0)
+    assert ("queue", "start: not_docked") in told
+    assert mail.outbox == []
+    second = Timekeeper()  # the session manager was killed, and another one looks
+    looks(second, 4.0, 10.0, 11.0, 60.0)
+    assert [letter.to + letter.bcc for letter in mail.outbox] == [["rae@example.org"]]
+    assert "it is not docked" in mail.outbox[0].body
+    looks(Timekeeper(), 61.0, 70.0, 80.0)  # and a third one
+    assert len(mail.outbox) == 1
+    assert isinstance(ask(robot, ben, later(81.0)), turns.Queued), "nor does a page that is loaded again begin"
+    assert now_in(study.slug, "en", later(81.0))["robots"][0]["unready"] == "it is not docked"
+
+    stands(robot)  # somebody has put it back
+    told = looks(second, 82.0)
+    assert "granted" in [kind for kind, _ in told]
+    assert noted(taken.session)[-2:] == ["offered", "robot_ready"]
+    granted = ask(robot, ben, later(83.0))
+    assert isinstance(granted, turns.Granted)
+    assert Drive.objects.get(session=granted.session).assigned["start"]["charge"] == 0.3
+
+
+def test_the_same_happens_a_second_time(robot, study):
+    for number, name in enumerate(("ada", "ben", "eve")):
+        at = later(1000.0 * number)
+        stands_away(robot)
+        user = newcomer(study, name)
+        assert isinstance(ask(robot, user, at), turns.Queued)
+        looks(Timekeeper(), 1000.0 * number + 1.0)
+        stands(robot)
+        looks(Timekeeper(), 1000.0 * number + 2.0)
+        granted = ask(robot, user, later(1000.0 * number + 3.0))
+        assert isinstance(granted, turns.Granted)
+        turns.end(granted.session, "cancelled", "left", later(1000.0 * number + 4.0))
+
+
+def test_a_robot_that_is_carried_away_while_it_is_offered_is_offered_again_when_it_is_back(robot, study):
+    stands_away(robot)
+    ada = newcomer(study, "ada")
+    waiting = ask(robot, ada, NOW)
+    keeper = Timekeeper()
+    looks(keeper, 1.0)
+    stands(robot)
+    looks(keeper, 2.0)
+    assert Session.objects.get(pk=waiting.session).offered_at is not None
+    stands_away(robot)
+    looks(keeper, 3.0)
+    assert Session.objects.get(pk=waiting.session).offered_at is None
+    assert isinstance(ask(robot, ada, later(4.0)), turns.Queued)
+    looks(keeper, 60.0, 120.0)
+    assert Session.objects.get(pk=waiting.session).state == "waiting"
+    stands(robot)
+    assert isinstance(ask(robot, ada, later(121.0)), turns.Granted)
+
+
+def test_an_operator_passes_who_waits_and_drives_the_robot_home(robot, study):
+    stands_away(robot)
+    ada, staff = newcomer(study, "ada"), User.objects.create(username="staff", is_staff=True, is_superuser=True)
+    other = User.objects.create(username="other")
+    waiting = ask(robot, ada, NOW)
+    looks(Timekeeper(), 1.0)
+    assert isinstance(ask(robot, other, later(2.0)), turns.Queued), "who does not operate it waits behind"
+    driven = ask(robot, staff, later(3.0))
+    assert isinstance(driven, turns.Granted)
+    stands(robot)
+    turns.end(driven.session, "completed", "left", later(30.0))
+    looks(Timekeeper(), 31.0)
+    assert Session.objects.get(pk=waiting.session).offered_at is not None
+    assert isinstance(ask(robot, ada, later(32.0)), turns.Granted)
+
+
+def test_a_robot_that_goes_home_by_itself_is_sent_there_and_nobody_is_called(robot, study):
+    Robot.objects.update(returns_home=True)
+    stands_away(robot)
+    ask(robot, newcomer(study, "ada"), NOW)
+    looks(Timekeeper(), 1.0, 20.0, 30.0)
+    assert Robot.objects.get().turnaround == "returning"
+    assert mail.outbox == []
+
+
+def test_who_drives_for_themselves_need_not_begin_at_the_station(robot, study):
+    stands_away(robot)
+    assert isinstance(ask(robot, User.objects.create(username="stranger"), NOW), turns.Granted)
+
+
+def test_the_record_keeps_what_a_drive_began_from_and_ended_with(robot):
+    drive = begin(robot)
+    told = Told(at=NOW.timestamp(), frame=False)
+    told.say(FirstFrame(told.at, repr(told.at))).go(*THERE, *BACK).touch(0.5).go((1.5, 2.0))
+    write(drive, told.records)
+    drive = close(drive, outcome="cancelled", reason="left", at=told.at)
+    settle(drive, later(500.0))
+    drive.refresh_from_db()
+    assert drive.began_with == {"docked": True, "x": 0.5, "y": 2.0, "theta": pytest.approx(3.14159, abs=1e-4), "charge": 1.0}
+    assert (drive.ended_with["docked"], drive.ended_with["x"]) == (False, 1.5)
+    assert drive.result["dock_contacts"] == 1
