@@ -131,7 +131,7 @@ def test_what_comes_out_is_sound():
 
 def test_a_battery_of_which_nobody_has_said_anything_is_unknown():
     state = Readings().state(1.0)
-    assert (state.battery.charge, state.battery.voltage, state.battery.charging, state.docked) == (None, None, None, False)
+    assert (state.battery.charge, state.battery.voltage, state.battery.charging, state.charger_contact) == (None, None, None, False)
 
 
 def test_volts_say_nothing_of_the_charge_when_nobody_knows_the_battery_and_what_is_no_longer_known_is_unknown_again():
@@ -139,7 +139,7 @@ def test_volts_say_nothing_of_the_charge_when_nobody_knows_the_battery_and_what_
     readings.charged(voltage=25.0, charge=0.9, charging=True)
     readings.charged(voltage=25.0)
     state = readings.state(1.0)
-    assert (state.battery.charge, state.battery.voltage, state.battery.charging, state.docked) == (None, 25.0, None, False)
+    assert (state.battery.charge, state.battery.voltage, state.battery.charging, state.charger_contact) == (None, 25.0, None, False)
 
 
 def test_a_charge_that_is_no_number_is_unknown_and_the_reading_sound():
