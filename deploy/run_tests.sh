@@ -12,6 +12,8 @@ step "mypy: the agent as Windows and the newest Python would have it"
 "$BIN/mypy" --platform win32 --python-version 3.13 robots/api robots/agent
 step "import-linter"
 "$BIN/lint-imports" --no-cache
+step "eslint"
+node_modules/.bin/eslint .
 [ "${1:-}" = lint ] && exit 0
 step "node --test"
 node --test --test-reporter=dot tests/js/

@@ -24,7 +24,7 @@ class RunningDemo:
     """One `manage.py demo`, its output in a file."""
 
     def __init__(self, var: Path, *arguments: str) -> None:
-        environment = {name: value for name, value in os.environ.items() if name not in {"HTTP_ONLY", "PLAIN_STATIC", "DJANGO_SETTINGS_MODULE"}}
+        environment = {name: value for name, value in os.environ.items() if name not in {"HTTP_ONLY", "DJANGO_SETTINGS_MODULE"}}
         self.output = var / "demo.out"
         var.mkdir(parents=True, exist_ok=True)
         self.process = subprocess.Popen(
