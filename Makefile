@@ -28,16 +28,22 @@ setup-dev:
 test-packages:
 	@sh deploy/test_packages.sh
 
-test: setup-dev test-packages
+# eslint, for the pages' scripts; npm is one of the tests' packages.
+node_modules/installed: package-lock.json
+	@command -v npm >/dev/null || { echo "npm is missing: install it with 'sudo apt install npm'." >&2; exit 1; }
+	npm ci --ignore-scripts --no-audit --no-fund --loglevel=error
+	@touch $@
+
+test: setup-dev test-packages node_modules/installed
 	@BIN="$(BIN)" sh deploy/run_tests.sh test
 
-check: setup-dev
+check: setup-dev node_modules/installed
 	@BIN="$(BIN)" sh deploy/run_tests.sh check
 
-soak: setup-dev test-packages
+soak: setup-dev test-packages node_modules/installed
 	@BIN="$(BIN)" sh deploy/run_tests.sh soak
 
-lint: setup-dev
+lint: setup-dev node_modules/installed
 	@BIN="$(BIN)" sh deploy/run_tests.sh lint
 
 bench: setup-dev test-packages
@@ -55,3 +61,4 @@ docs: setup-dev
 lock:
 	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 pyproject.toml -o requirements.lock
 	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --group dev pyproject.toml -o requirements-dev.lock
+	npm install -q --package-lock-only --omit-lockfile-registry-resolved --ignore-scripts --no-audit --no-fund

@@ -36,7 +36,6 @@ def main() -> int:
         os.environ |= {
             "VAR_DIR": folder,
             "HTTP_ONLY": "1",
-            "PLAIN_STATIC": "1",
             "LOG_LEVEL": "WARNING",
             "DJANGO_SETTINGS_MODULE": "telepresence_site.settings",
         }

@@ -22,6 +22,8 @@ lint() {
     step "ruff"
     "$BIN/ruff" check .
     "$BIN/ruff" format --check .
+    step "eslint"
+    node_modules/.bin/eslint .
     step "import-linter"
     "$BIN/lint-imports" --no-cache
     step "mypy"

@@ -9,6 +9,8 @@ from django.core.cache import cache
 from django.utils import translation
 from hypothesis import HealthCheck, settings
 
+from tests.support.collected import collected_files
+
 LONGEST_FILE_S = 20.0
 
 pytest.register_assert_rewrite("tests.support.adapter_conformance", "tests.support.rca_conformance")
@@ -18,6 +20,11 @@ pytest.register_assert_rewrite("tests.support.adapter_conformance", "tests.suppo
 settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("same", settings.get_profile("search"), derandomize=True)
 settings.load_profile("same")
+
+
+def pytest_sessionstart() -> None:
+    """Collect the static files once, before the first test needs them."""
+    collected_files()
 
 
 @pytest.fixture(autouse=True)

@@ -1,4 +1,4 @@
-"""The site's settings with what tests change: plain http, plain static files, quick password hashes, and a directory of their own."""
+"""The site's settings with what tests change: plain http, static files that were collected, quick password hashes, and a directory of their own."""
 
 import atexit
 import os
@@ -9,10 +9,12 @@ if "VAR_DIR" not in os.environ:
     os.environ["VAR_DIR"] = tempfile.mkdtemp(prefix="telepresence-tests-")
     atexit.register(shutil.rmtree, os.environ["VAR_DIR"], ignore_errors=True)
 os.environ.setdefault("HTTP_ONLY", "1")
-os.environ.setdefault("PLAIN_STATIC", "1")
 os.environ.setdefault("LOG_LEVEL", "WARNING")
 
 from telepresence_site.settings import *  # noqa: F403
 
 PASSWORD_HASHERS = ["django.contrib.auth.hashers.MD5PasswordHasher"]
+STORAGES["staticfiles"] = {"BACKEND": "tests.support.collected.CollectedFiles"}  # noqa: F405
+STATICFILES_FINDERS = ["tests.support.collected.CollectedFinder"]
+WHITENOISE_USE_FINDERS = WHITENOISE_AUTOREFRESH = True
 STATIC_ROOT.mkdir(parents=True, exist_ok=True)  # noqa: F405 -- WhiteNoise warns of a folder that is not there

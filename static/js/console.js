@@ -20,6 +20,7 @@ import { cardFor } from "./hud/card.js";
 import { createControls } from "./hud/controls.js";
 import { createDials } from "./hud/dials.js";
 import { Dialog } from "./hud/dialog.js";
+import { Hotkeys } from "./input/hotkeys.js";
 import { watchForSigns } from "./hud/signs.js";
 import { createReadings } from "./hud/readings.js";
 import { createView } from "./hud/view.js";
@@ -51,6 +52,7 @@ const cockpit = element("cockpit");
 const title = document.title;
 
 const store = createStore({ ...newState(), factsheet: config.factsheet ?? null, study: config.study ?? null, practice: config.practice ? "off" : "none" });
+const hotkeys = new Hotkeys();
 const pulse = new Pulse();
 const commands = new CommandStream({ freshId: () => freshId("stop-") });
 const shown = new ShownFrame();
@@ -117,7 +119,9 @@ const takeControl = (/** @type {any} */ lease) => {
     begun = lease.session;
     view.began(again);
   }
-  element("viewport").focus({ preventScroll: true });
+  if (!hotkeys.taken) {
+    element("viewport").focus({ preventScroll: true });
+  }
 };
 
 const letControlGo = () => {
@@ -360,6 +364,7 @@ const brake = () => {
 };
 
 const steering = new Steering({
+  keys: hotkeys,
   pad: element("stick"),
   knob: element("stick-knob"),
   onIntent: (intent) => {
@@ -426,7 +431,10 @@ const ACTIONS = {
   home: () => (config.practising && parent !== window ? parent.postMessage("practice_over", location.origin) : element("home").click()),
   sign_in: () => location.reload(), // the page's address itself asks for it, and leads back here
   reload: () => location.reload(),
-  stay: () => store.update({ leaving: false }),
+  stay: () => {
+    store.update({ leaving: false });
+    element("viewport").focus({ preventScroll: true });
+  },
   leave: () => (store.get().visit.phase === "driving" ? store.update({ leaving: true }) : act("leave_now")),
   leave_now: () => {
     store.update({ leaving: false, notice: "" });
@@ -458,12 +466,14 @@ const act = (action) => {
   } else {
     dispatch({ type: action });
   }
+  store.flush();
 };
+hotkeys.closes(element("card"), () => act(store.get().leaving ? "stay" : "here"));
 
 const controls = createControls(element, words, act);
 const study = createStudy({ store, config, words, element, map, report, sendOrder });
-const presence = createPresence({ store, config, words, element, report, sendOrder, sendPoint });
-const autonomy = createAutonomy({ store, words, element, map, act, sendOrder, sendAssist: (level) => socket.send(encodeFrame("session/assist", { level })) });
+const presence = createPresence({ store, config, words, element, hotkeys, report, sendOrder, sendPoint });
+const autonomy = createAutonomy({ store, words, element, hotkeys, map, act, sendOrder, sendAssist: (level) => socket.send(encodeFrame("session/assist", { level })) });
 const overlay = createOverlay({ store, element, steering, pictureStamp, stop: brake, report });
 const view = createView({
   store,

@@ -116,8 +116,10 @@ export const createStore = (initial, frame = (callback) => requestAnimationFrame
   const subscribers = [];
 
   const tell = () => {
-    scheduled = false;
-    subscribers.forEach((subscriber) => subscriber(state));
+    if (scheduled) {
+      scheduled = false;
+      subscribers.forEach((subscriber) => subscriber(state));
+    }
   };
 
   return {
@@ -130,6 +132,8 @@ export const createStore = (initial, frame = (callback) => requestAnimationFrame
         frame(tell);
       }
     },
+    /** Show now what has changed: what a visitor opens is open before their next key. */
+    flush: tell,
     /** @param {(state: State) => void} subscriber */
     subscribe: (subscriber) => {
       subscribers.push(subscriber);

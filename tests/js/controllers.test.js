@@ -4,6 +4,7 @@ import { describe, test } from "node:test";
 import { Arbiter } from "../../static/js/controllers/arbiter.js";
 import { guard } from "../../static/js/controllers/guard.js";
 import { Keyboard, direction } from "../../static/js/controllers/keyboard.js";
+import { Hotkeys } from "../../static/js/input/hotkeys.js";
 import { START, ramp } from "../../static/js/controllers/ramp.js";
 import { STEPS, fullSpeeds, toVelocity } from "../../static/js/controllers/speeds.js";
 import { sharesOf } from "../../static/js/controllers/stick.js";
@@ -122,7 +123,7 @@ describe("keyboard", () => {
     const frames = [];
     let now = 0;
     const keyboard = new Keyboard({
-      target,
+      keys: new Hotkeys({ target, root: { querySelectorAll: () => [] }, watch: () => undefined }),
       emit: ({ ahead, left }) => log.push([ahead, left]),
       stop: () => log.push("stop"),
       step: (change) => log.push(`step ${change}`),
@@ -144,8 +145,7 @@ describe("keyboard", () => {
     keyboard.enable();
     return { keyboard, log, press, pass };
   };
-  const field = { matches: () => true, closest: () => null };
-  const button = { matches: () => false, closest: () => ({}) };
+  const button = { closest: (selector) => (selector.includes("button") ? {} : null) };
 
   test("a pressed key drives at once, faster while it is held, and not at all when it is let go", () => {
     const { log, press, pass } = rig();
@@ -161,13 +161,6 @@ describe("keyboard", () => {
     assert.deepEqual(direction(["KeyW", "KeyA"]), { ahead: 1, left: 1 });
     assert.deepEqual(direction(["ArrowUp", "KeyS"]), { ahead: 0, left: 0 });
     assert.deepEqual(direction(["ArrowUp", "KeyW", "ArrowRight"]), { ahead: 1, left: -1 });
-  });
-
-  test("typing in a field never drives and never stops", () => {
-    const { log, press } = rig();
-    press("keydown", "KeyW", { on: field });
-    press("keydown", "Space", { on: field });
-    assert.deepEqual(log, []);
   });
 
   test("a key with a modifier is the browser's, and lets go of all others", () => {

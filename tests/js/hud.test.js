@@ -72,7 +72,7 @@ describe("cards", () => {
 
   test("whoever is asked to give a sign has one button for it and sees how long the robot waits", () => {
     const card = cardFor(state({ phase: "driving", link: "live", askedUntil: 130 }, { now: 100.2, playing: true }));
-    assert.deepEqual(card, { word: "idle", countdown: 30, main: { action: "here", word: "do.here" } });
+    assert.deepEqual(card, { word: "idle", countdown: 30, main: { action: "here", word: "do.here" }, quiet: true });
   });
 
   test("whoever waits may ask to be told, as long as the browser can still ask them to allow it", () => {

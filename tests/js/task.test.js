@@ -5,6 +5,7 @@ import { describe, test } from "node:test";
 import { Carrier } from "../../static/js/connection/carrier.js";
 import { newVisit, reduce } from "../../static/js/connection/session.js";
 import { Keyboard } from "../../static/js/controllers/keyboard.js";
+import { Hotkeys } from "../../static/js/input/hotkeys.js";
 import { alertFor } from "../../static/js/hud/alert.js";
 import { cardFor } from "../../static/js/hud/card.js";
 import { menuFor } from "../../static/js/hud/map_bar.js";
@@ -270,7 +271,7 @@ describe("what a study fixes", () => {
   test("keys that may not steer still stop the robot", () => {
     const [moved, stopped, barred] = [[], [], []];
     const target = new EventTarget();
-    const keyboard = new Keyboard({ target, emit: (shares) => moved.push(shares), stop: () => stopped.push(1), step: () => undefined, barred: () => barred.push(1), frame: () => undefined, now: () => 0 });
+    const keyboard = new Keyboard({ keys: new Hotkeys({ target, root: { querySelectorAll: () => [] }, watch: () => undefined }), emit: (shares) => moved.push(shares), stop: () => stopped.push(1), step: () => undefined, barred: () => barred.push(1), frame: () => undefined, now: () => 0 });
     keyboard.steers = false;
     keyboard.enable();
     const press = (code) => target.dispatchEvent(Object.assign(new Event("keydown"), { code }));

@@ -35,6 +35,7 @@ from robots.api import codec, floorplan, picture
 from robots.api import messages as m
 from robots.api.errors import Rejection
 from sessions import wire
+from tests.support.collected import collected_files
 from tests.support.paths import ROOT
 from tests.support.patience import patient
 from tests.support.scene_source import SceneSource
@@ -158,7 +159,7 @@ class FakeRobotPage:
         path = urlsplit(request.path).path
         if path in {"/socket", f"/{wire.CHECK_PATH}"}:
             return Response(503, "busy", Headers()) if self.closed_to_sockets else None
-        file = ROOT / path.lstrip("/")
+        file = collected_files() / path.removeprefix("/static/")
         if path.startswith("/static/") and file.is_file():  # first, for there are a hundred of them a page
             return _response(file.read_bytes(), mimetypes.guess_type(path)[0] or "application/octet-stream")
         if path in (made := self._made()):

@@ -38,9 +38,10 @@ class PresentRobotPage(FakeRobotPage):
     `from_page`: the robot has no camera and no microphone, and its screen's page gives them.
     """
 
-    def __init__(self, *, from_page: bool = False, **options: Any) -> None:
+    def __init__(self, *, from_page: bool = False, capabilities: tuple[str, ...] = CAPABILITIES, **options: Any) -> None:
         super().__init__(**options)
-        self.kernel.capabilities = frozenset(CAPABILITIES)
+        self.capabilities = capabilities
+        self.kernel.capabilities = frozenset(capabilities)
         self.speaker, self.display, self.calls = MeasuringSpeaker(), MeasuringDisplay(), Calls()
         self.media = MediaSide(
             video=FROM_PAGE if from_page else self.camera, audio=FROM_PAGE if from_page else SyntheticMicrophone(), viewers=4, on_frame=self._on_channel, reply=self._reply,
@@ -62,7 +63,7 @@ class PresentRobotPage(FakeRobotPage):
         if language not in self._rendered:
             page, told = super().html(language), '"capabilities": ["velocity", "video"]'
             assert told in page
-            self._rendered[language] = page.replace(told, f'"capabilities": {json.dumps(CAPABILITIES)}')
+            self._rendered[language] = page.replace(told, f'"capabilities": {json.dumps(self.capabilities)}')
         return self._rendered[language]
 
     def screen_html(self, language: str = "en") -> str:

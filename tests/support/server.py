@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from telepresence_site.serving import APPLICATION, DAPHNE
+from tests.support.collected import collected_files
 from tests.support.patience import patient
 from tests.support.postgres import running_postgres
 from tests.support.site import LOOPBACK, ROOT, Site, free_port, wait_for
@@ -85,7 +86,8 @@ class Server:
     def start(self) -> None:
         """Start everything, and wait until the proxy says that it is ready."""
         self.site.var.mkdir(exist_ok=True)
-        (self.directory / "www/static/css").mkdir(parents=True)
+        (self.directory / "www").mkdir()
+        (self.directory / "www/static").symlink_to(collected_files())
         broker = self.directory / "mosquitto"
         broker.mkdir()
         self.spawn("redis-server", "--port", str(self.ports["redis"]), "--bind", LOOPBACK, "--save", "", "--appendonly", "no")

@@ -24,6 +24,7 @@ from typing import Any, TypeVar
 
 from telepresence_site.serving import APPLICATION, DAPHNE
 from tests.support.clerk import Clerk
+from tests.support.collected import collected_files
 from tests.support.paths import ROOT
 from tests.support.patience import patient
 from tests.support.truth import Onlooker
@@ -97,10 +98,10 @@ class Site:
 
     @property
     def environment(self) -> dict[str, str]:
-        kept = {name: value for name, value in os.environ.items() if name not in {"DATABASE_URL", "DJANGO_SETTINGS_MODULE", "PLAIN_STATIC"}}
+        kept = {name: value for name, value in os.environ.items() if name not in {"DATABASE_URL", "DJANGO_SETTINGS_MODULE"}}
         ours = {
             "VAR_DIR": str(self.var), "MQTT_URL": self.mqtt_url, "HTTP_ONLY": "1", "DEMO_TOKEN": DEMO_TOKEN, "PYTHONUNBUFFERED": "1",
-            "DJANGO_SETTINGS_MODULE": "telepresence_site.settings", "PLAIN_STATIC": "1", "LOG_LEVEL": "INFO",
+            "DJANGO_SETTINGS_MODULE": "telepresence_site.settings", "LOG_LEVEL": "INFO",
         }  # fmt: skip
         return {**kept, **ours, **self.settings}
 
@@ -109,6 +110,7 @@ class Site:
     def prepare(self) -> None:
         self.var.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(empty_database(), self.var / DATABASE)
+        (self.var / "static").symlink_to(collected_files())
         # A robot that goes home after every visit is a test of its own; in all others the next visitor need not wait for it.
         self.django(
             f"from telepresence_site.demo.seed import seed; seed({self.mqtt_url!r});"

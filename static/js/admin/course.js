@@ -3,6 +3,7 @@
  * what is written into them moves on the map. What makes a new checkpoint or zone is the form's own button, told where.
  */
 
+import { isShortcut } from "../input/hotkeys.js";
 import { formatPoints, parsePoints, rounded, stepOf, withMoved, without, withPoint } from "./course_points.js";
 import { element, ground, pointList, toUnits, UNIT, viewBoxOf } from "./course_ground.js";
 
@@ -135,7 +136,7 @@ const open = (page) => {
     group.addEventListener("keydown", (event) => {
       const { handle: now } = shown.get(handle.id);
       const step = stepOf(event.key, event.shiftKey);
-      if (!mayChange() || (!step && event.key !== "Delete")) {
+      if (!mayChange() || isShortcut(event) || (!step && event.key !== "Delete")) {
         return;
       }
       event.preventDefault();

@@ -29,14 +29,15 @@ const mayAim = (state) => roleOf(state.visit) === "driver" && ((can(state, "goto
  * @param {ReturnType<typeof import("../state.js").createStore>} page.store
  * @param {import("../lib/words.js").Words} page.words
  * @param {(id: string) => HTMLElement} page.element
+ * @param {import("../input/hotkeys.js").Hotkeys} page.hotkeys
  * @param {import("../map/map.js").RobotMap} page.map
  * @param {(action: string) => void} page.act
  * @param {(task: import("../tasks.js").Task) => void} page.sendOrder
  * @param {(level: string) => void} page.sendAssist
  */
-export const createAutonomy = ({ store, words, element, map, act, sendOrder, sendAssist }) => {
+export const createAutonomy = ({ store, words, element, hotkeys, map, act, sendOrder, sendAssist }) => {
   const held = new HeldHelp();
-  const shows = [createOfferPanel(element, words, act), createMapBar(element, words, act)];
+  const shows = [createOfferPanel(element, words, act), createMapBar(element, words, act, hotkeys)];
   /** @type {{task: string, aim: any}} the goal of the last task that was asked for: the same object while it is the same goal */
   let lastGoal = { task: "", aim: null };
   const aiming = new Aiming({

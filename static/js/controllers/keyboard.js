@@ -1,8 +1,7 @@
 /**
  * Steering with arrow keys and W A S D. Keys are taken by their place on the keyboard, so that it works on every layout.
  *
- * Writing never drives: keys that go to a field, or to the map, are theirs. A key whose release was not seen would drive for ever, so everything
- * that may hide a release (the window loses focus, a modifier is held) lets go of all keys.
+ * Which keys come here, and when all of them count as released, is decided in input/hotkeys.js.
  */
 
 import { ramp } from "./ramp.js";
@@ -19,13 +18,12 @@ const DIRECTIONS = /** @type {Record<string, [string, number]>} */ ({
 });
 const FASTER = new Set(["Equal", "NumpadAdd", "BracketRight"]);
 const SLOWER = new Set(["Minus", "NumpadSubtract", "Slash"]);
-const WRITABLE = "input, textarea, select, [contenteditable=''], [contenteditable='true'], [data-own-keys]";
 const LONGEST_FRAME = 0.1; // s; a page that was held up must not jump to full speed
 
 export class Keyboard {
   /**
    * @param {object} options
-   * @param {EventTarget} options.target where keys are heard; the window
+   * @param {import("../input/hotkeys.js").Hotkeys} options.keys
    * @param {(shares: {ahead: number, left: number}) => void} options.emit -1 to 1 each
    * @param {() => void} options.stop brake: the space bar, and every disable
    * @param {(change: number) => void} options.step a speed step up or down
@@ -33,8 +31,8 @@ export class Keyboard {
    * @param {(callback: (ms: number) => void) => unknown} [options.frame]
    * @param {() => number} [options.now] ms
    */
-  constructor({ target, emit, stop, step, barred = () => undefined, frame = (callback) => requestAnimationFrame(callback), now = () => performance.now() }) {
-    this.target = target;
+  constructor({ keys, emit, stop, step, barred = () => undefined, frame = (callback) => requestAnimationFrame(callback), now = () => performance.now() }) {
+    this.keys = keys;
     this.emit = emit;
     this.stop = stop;
     this.step = step;
@@ -50,23 +48,19 @@ export class Keyboard {
     this.enabled = false;
     this.methods = ["keyboard"];
     this.running = false;
-    this.onKeyDown = (/** @type {any} */ event) => this.#down(event);
-    this.onKeyUp = (/** @type {any} */ event) => this.#up(event);
   }
 
   enable() {
     if (!this.enabled) {
       this.enabled = true;
-      this.target.addEventListener("keydown", this.onKeyDown);
-      this.target.addEventListener("keyup", this.onKeyUp);
+      this.keys.add(this);
     }
   }
 
   disable() {
     if (this.enabled) {
       this.enabled = false;
-      this.target.removeEventListener("keydown", this.onKeyDown);
-      this.target.removeEventListener("keyup", this.onKeyUp);
+      this.keys.remove(this);
       this.letGo();
       this.stop();
     }
@@ -79,15 +73,7 @@ export class Keyboard {
   }
 
   /** @param {KeyboardEvent} event */
-  #down(event) {
-    // Whatever has the keys, unless they make words: the space bar stops the robot.
-    if (isWriting(event.target) && !(event.code === "Space" && hasOwnKeys(event.target))) {
-      return;
-    }
-    if (event.ctrlKey || event.metaKey || event.altKey) {
-      this.letGo();
-      return;
-    }
+  down(event) {
     if (event.code === "Space" && !event.repeat) {
       this.stop();
     }
@@ -112,7 +98,7 @@ export class Keyboard {
   }
 
   /** @param {KeyboardEvent} event */
-  #up(event) {
+  up(event) {
     if (this.held.delete(event.code)) {
       this.#move(0);
     }
@@ -159,12 +145,6 @@ export const direction = (held) => {
   }
   return { ahead: Math.sign(sum.ahead), left: Math.sign(sum.left) };
 };
-
-/** @param {any} element */
-const isWriting = (element) => Boolean(element?.matches?.(WRITABLE));
-
-/** @param {any} element the map */
-const hasOwnKeys = (element) => "ownKeys" in (element?.dataset ?? {});
 
 /** @param {any} element */
 const isButton = (element) => Boolean(element?.closest?.("button, a[href], summary"));

@@ -12,6 +12,7 @@ import { Stick } from "./stick.js";
 export class Steering {
   /**
    * @param {object} options
+   * @param {import("../input/hotkeys.js").Hotkeys} options.keys
    * @param {HTMLElement} options.pad of the stick
    * @param {HTMLElement} options.knob
    * @param {(intent: import("../commands.js").Intent) => void} options.onIntent
@@ -19,7 +20,7 @@ export class Steering {
    * @param {(step: number) => void} options.onStep the visitor chose another speed
    * @param {(method: string) => void} [options.onBarred] the visitor tried a controller that is off
    */
-  constructor({ pad, knob, onIntent, onStop, onStep, onBarred = () => undefined }) {
+  constructor({ keys, pad, knob, onIntent, onStop, onStep, onBarred = () => undefined }) {
     this.onStep = onStep;
     this.step = 1;
     /** @type {Parameters<typeof fullSpeeds>[0]} */
@@ -30,7 +31,7 @@ export class Steering {
     this.shares = new Map();
     this.arbiter = new Arbiter(onIntent);
     this.keyboard = new Keyboard({
-      target: window,
+      keys,
       emit: (shares) => this.steer("keyboard", shares),
       stop: onStop,
       step: (change) => this.setStep(this.step + change),

@@ -17,6 +17,7 @@ import { reasonFor } from "./reasons.js";
  * @property {{action: string, word: string}} [other]
  * @property {{action: string, word: string}} [extra] something that one may do meanwhile
  * @property {number} [countdown] seconds
+ * @property {boolean} [quiet] no button has the focus: a key that was meant for something else must not answer
  */
 
 const HOME = { action: "home", word: "do.home" };
@@ -49,10 +50,10 @@ export const cardFor = (state) => {
 /** @param {import("../state.js").State} state @returns {Card | null} */
 const usualCard = (state) => {
   if (state.visit.askedUntil !== null) {
-    return { word: "idle", countdown: Math.max(0, Math.ceil(state.visit.askedUntil - state.now)), main: { action: "here", word: "do.here" } };
+    return { word: "idle", countdown: Math.max(0, Math.ceil(state.visit.askedUntil - state.now)), main: { action: "here", word: "do.here" }, quiet: true };
   }
   if (state.leaving) {
-    return { word: "leaving", main: { action: "leave_now", word: "do.leave" }, other: { action: "stay", word: "do.stay" } };
+    return { word: "leaving", main: { action: "leave_now", word: "do.leave" }, other: { action: "stay", word: "do.stay" }, quiet: true };
   }
   const card = CARDS[state.visit.phase];
   return card ? card(state) : null;

@@ -32,8 +32,9 @@ export class Dialog {
       this.shown = "";
       return;
     }
-    const { word, values = {}, detail = null, busy = false, main, extra, other, countdown } = card;
+    const { word, values = {}, detail = null, busy = false, main, extra, other, countdown, quiet = false } = card;
     this.element.toggleAttribute("data-busy", busy);
+    this.element.toggleAttribute("data-holds-keys", !busy); // one that asks nothing but for patience leaves the keys alone
     this.element.dataset.card = word;
     write(this.title, this.words.say(`${word}.title`, values));
     write(this.text, textOf({ word, values, detail }, this.words));
@@ -44,7 +45,9 @@ export class Dialog {
     if (word !== this.shown) {
       const first = this.shown === "";
       this.shown = word;
-      if (!first || !busy) {
+      if (quiet) {
+        this.title.focus({ preventScroll: true });
+      } else if (!first || !busy) {
         this.#takeFocus();
       }
     }

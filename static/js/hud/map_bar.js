@@ -35,15 +35,23 @@ export const showsLaser = (state) => state.laser ?? profileOf(state).laser ?? (s
  * @param {(id: string) => HTMLElement} element
  * @param {import("../lib/words.js").Words} words
  * @param {(action: string) => void} act
+ * @param {import("../input/hotkeys.js").Hotkeys} hotkeys
  * @returns {(state: import("../state.js").State) => void}
  */
-export const createMapBar = (element, words, act) => {
+export const createMapBar = (element, words, act, hotkeys) => {
   const [toggle, menu, bar] = [element("places-toggle"), element("places"), element("aim")];
   const viewport = element("viewport");
   let drawn = "";
+  const close = () => {
+    act("places");
+    viewport.focus({ preventScroll: true });
+  };
+  hotkeys.closes(menu, close, () => act("places"));
   toggle.addEventListener("click", (event) => {
     act("places");
-    if (event.detail > 0) {
+    if (!menu.hidden) {
+      menu.focus({ preventScroll: true });
+    } else if (event.detail > 0) {
       toggle.blur();
     }
   });

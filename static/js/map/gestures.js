@@ -3,6 +3,7 @@
  * keys, while the map has the focus.
  */
 
+import { isShortcut } from "../input/hotkeys.js";
 import { FOLLOWING } from "./looking.js";
 
 const STEP = 40; // CSS pixels that a key moves the map
@@ -57,6 +58,9 @@ export const lookAround = (canvas, { zoom, pan, all, mayAim, forgetAim }) => {
   canvas.addEventListener("pointerup", lift);
   canvas.addEventListener("pointercancel", lift);
   canvas.addEventListener("keydown", (event) => {
+    if (isShortcut(event)) {
+      return; // Ctrl and plus make the page larger, not the map
+    }
     const way = KEYS[event.code];
     if (way) {
       pan(...way);

@@ -5,13 +5,9 @@
 export const STEP = 0.1; // rad a press of a key
 const PAUSE = 0.15; // s between two orders while the slider is drawn
 const KEYS = /** @type {Record<string, number>} */ ({ KeyR: -STEP, KeyF: STEP });
-const WRITABLE = "input:not([type='range']), textarea, select, [contenteditable]";
 
-/** The change of angle that a key means, 0 for none; positive looks down. @param {any} event a keydown */
-export const stepOf = (event) => {
-  const skips = event.ctrlKey || event.metaKey || event.altKey || event.target?.matches?.(WRITABLE);
-  return skips ? 0 : (KEYS[event.code] ?? 0);
-};
+/** The change of angle that a key means, 0 for none; positive looks down. @param {{code: string}} event a keydown of the page's own */
+export const stepOf = ({ code }) => KEYS[code] ?? 0;
 
 export class Tilting {
   constructor() {

@@ -28,11 +28,12 @@ const VIDEO_BITRATE = 600_000; // bit/s: driving comes first
  * @param {any} page.config of the page
  * @param {import("../lib/words.js").Words} page.words
  * @param {(id: string) => HTMLElement} page.element
+ * @param {import("../input/hotkeys.js").Hotkeys} page.hotkeys
  * @param {(type: string, data?: Record<string, string | number | boolean | null>) => boolean} page.report
  * @param {(order: import("../tasks.js").Task) => void} page.sendOrder
  * @param {(dot: {stamp: number, at: [number, number] | null}) => void} page.sendPoint
  */
-export const createPresence = ({ store, config, words, element, report, sendOrder, sendPoint }) => {
+export const createPresence = ({ store, config, words, element, hotkeys, report, sendOrder, sendPoint }) => {
   const button = (/** @type {string} */ id) => /** @type {HTMLButtonElement} */ (element(id));
   const input = (/** @type {string} */ id) => /** @type {HTMLInputElement} */ (element(id));
   const self = /** @type {HTMLVideoElement} */ (element("self"));
@@ -42,6 +43,7 @@ export const createPresence = ({ store, config, words, element, report, sendOrde
   let mirrored = null;
   let saidAt = -Infinity;
   let open = ""; // the panel that is open: talk, volumes or none
+  let writing = false; // whether the field of the talk panel is open, which takes the keys
   let unread = 0;
   let session = "";
   /** @type {import("../tasks.js").Task | null} */
@@ -99,7 +101,7 @@ export const createPresence = ({ store, config, words, element, report, sendOrde
       devices.close(kind); // the visit has ended while the browser asked
       change({ [name]: "off" });
     } else {
-      change({ [name]: kind === "audio" && talkKey.down ? "muted" : "on", talking: talkKey.down });
+      change({ [name]: kind === "audio" && talkKey.pressed ? "muted" : "on", talking: talkKey.pressed });
     }
   };
 
@@ -138,7 +140,7 @@ export const createPresence = ({ store, config, words, element, report, sendOrde
   };
 
   const talkKey = new TalkKey({
-    target: window,
+    keys: hotkeys,
     onTalk: (down) => {
       if (!isOffered(store.get(), "call")) {
         return;
@@ -172,14 +174,30 @@ export const createPresence = ({ store, config, words, element, report, sendOrde
 
   // --- words ---------------------------------------------------------------------------------------------------------
 
-  /** @param {string} panel */
-  const toggle = (panel) => {
-    open = open === panel ? "" : panel;
+  /** Open a panel, at once: the visitor's next key goes to what they have opened. @param {string} panel @param {boolean} [writes] */
+  const show = (panel, writes = false) => {
+    [open, writing] = [panel, writes];
     unread = open === "talk" ? 0 : unread;
     store.update({});
+    store.flush();
+  };
+
+  const toggleWriting = () => {
+    show(writing ? "" : "talk", !writing);
+    if (writing) {
+      input("talk-field").focus({ preventScroll: true });
+    } else {
+      backToDriving();
+    }
   };
 
   const backToDriving = () => element("viewport").focus({ preventScroll: true });
+  const closePanel = () => {
+    show("");
+    backToDriving();
+  };
+  hotkeys.closes(element("talk"), closePanel, () => show("talk"));
+  hotkeys.closes(element("volumes"), closePanel, () => show(""));
 
   element("talk-form").addEventListener("submit", (event) => {
     event.preventDefault();
@@ -189,13 +207,8 @@ export const createPresence = ({ store, config, words, element, report, sendOrde
       sendOrder(ask({ type: "say", text, aloud: input("talk-aloud").checked, language: document.documentElement.lang }, freshId("say-"), unixNow()));
       field.value = "";
     }
+    show("talk"); // what was said, and what is answered, stays in sight
     backToDriving();
-  });
-  element("talk").addEventListener("keydown", (event) => {
-    if (event.key === "Escape") {
-      toggle("talk");
-      backToDriving();
-    }
   });
 
   // --- the head ------------------------------------------------------------------------------------------------------
@@ -210,12 +223,15 @@ export const createPresence = ({ store, config, words, element, report, sendOrde
   };
 
   input("tilt-slider").addEventListener("input", () => tiltTo(Number(input("tilt-slider").value)));
-  window.addEventListener("keydown", (event) => {
-    const step = stepOf(event);
-    const { robot, factsheet } = store.get();
-    if (step !== 0 && factsheet?.tilt) {
-      tiltTo((tilting.shown(robot?.tilt ?? null, unixNow()) ?? factsheet.tilt.home) + step);
-    }
+  input("tilt-slider").addEventListener("pointerup", backToDriving); // the arrows are to drive again, and not to nod
+  hotkeys.add({
+    down: (event) => {
+      const step = stepOf(event);
+      const { robot, factsheet } = store.get();
+      if (step !== 0 && factsheet?.tilt) {
+        tiltTo((tilting.shown(robot?.tilt ?? null, unixNow()) ?? factsheet.tilt.home) + step);
+      }
+    },
   });
 
   // --- photos --------------------------------------------------------------------------------------------------------
@@ -241,8 +257,11 @@ export const createPresence = ({ store, config, words, element, report, sendOrde
     "presence-mic": () => (own.mic === "off" ? void begin("audio") : change({ mic: own.mic === "on" ? "muted" : "on", talking: false })),
     "presence-camera": () => (own.camera === "off" ? void begin("video") : end("video")),
     "presence-share": () => (own.shares ? end("video") : void share()),
-    "presence-talk": () => toggle("talk"),
-    "presence-volumes": () => toggle("volumes"),
+    "presence-talk": toggleWriting,
+    "presence-volumes": () => {
+      show(open === "volumes" ? "" : "volumes");
+      element("volumes").focus({ preventScroll: true }); // not the button, which the space bar would press again
+    },
     "presence-photo": takePhoto,
     "presence-hang-up": () => {
       end("audio");
@@ -256,9 +275,7 @@ export const createPresence = ({ store, config, words, element, report, sendOrde
     button(id).addEventListener("click", () => {
       click();
       store.update({});
-      if (open === "talk" && id === "presence-talk") {
-        input("talk-field").focus({ preventScroll: true });
-      } else if (id !== "presence-volumes") {
+      if (!hotkeys.taken) {
         backToDriving(); // the space bar is to stop the robot, not to press this again
       }
     });
@@ -312,9 +329,12 @@ export const createPresence = ({ store, config, words, element, report, sendOrde
     const offered = isOffered(state, "say");
     button("presence-talk").hidden = !offered;
     open = offered || open !== "talk" ? open : "";
-    element("talk").hidden = open !== "talk";
+    writing &&= open === "talk";
+    element("talk").hidden = open !== "talk" || (!writing && element("talk-list").childElementCount === 0);
+    element("talk").toggleAttribute("data-holds-keys", writing);
+    element("talk-writing").hidden = !writing;
     element("volumes").hidden = open !== "volumes";
-    press(button("presence-talk"), open === "talk", false);
+    press(button("presence-talk"), writing, false);
     press(button("presence-volumes"), open === "volumes", false);
     element("unread").hidden = unread === 0;
     write(element("unread"), String(unread));
@@ -369,8 +389,8 @@ export const createPresence = ({ store, config, words, element, report, sendOrde
       list.scrollTop = list.scrollHeight;
       if (!mine && open !== "talk") {
         unread += 1;
-        // What somebody says there is worth seeing at once; the keys go on driving.
-        open = "talk";
+        // What somebody says there is worth seeing at once; the keys go on driving, or stay with the menu that has them.
+        open ||= "talk";
       }
       unread = open === "talk" ? 0 : unread;
       store.update({});
@@ -391,14 +411,15 @@ export const createPresence = ({ store, config, words, element, report, sendOrde
       const { visit } = state;
       if (roleOf(visit) !== "driver" && (callOf(own) || open || photo)) {
         endAll();
-        open = "";
+        [open, writing] = ["", false];
         closePhoto();
       }
       if (visit.session && visit.session !== session) {
         session = visit.session;
         element("talk-list").replaceChildren();
       }
-      element("presence").hidden = roleOf(visit) !== "driver" || !state.playing;
+      // Who writes goes on writing while the picture is away: a field that goes would leave the next letters to the robot.
+      element("presence").hidden = roleOf(visit) !== "driver" || !(state.playing || writing || open === "volumes");
       showSending(state);
       showWords(state);
       showHead(state);

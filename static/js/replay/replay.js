@@ -2,6 +2,7 @@
  * The replay's page: wires record, player, map, strips and lists. Nothing is asked of the server but the record, once.
  */
 
+import { isShortcut, openHolder } from "../input/hotkeys.js";
 import { readWords } from "../lib/words.js";
 import { createEventList } from "./event_list.js";
 import { ReplayMap } from "./map.js";
@@ -81,7 +82,7 @@ const show = (record) => {
   scrub(strips, (x) => update(seek(player, timeAt(x, record.duration, strips.clientWidth))));
   document.addEventListener("keydown", (event) => {
     const target = /** @type {Element} */ (event.target);
-    if (event.ctrlKey || event.metaKey || event.altKey || target.closest("select, button, a, summary, input:not([type=range])")) {
+    if (isShortcut(event) || openHolder(document) || target.closest("select, button, a, summary, textarea, input:not([type=range])")) {
       return;
     }
     const next = pressed(player, event.key, event.shiftKey);

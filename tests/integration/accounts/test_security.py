@@ -9,6 +9,7 @@ import pytest
 from django.test import Client
 from django.urls import reverse
 
+from tests.support.collected import collected_files
 from tests.support.paths import ROOT
 from tests.support.people import PASSWORD, person
 
@@ -38,8 +39,8 @@ def public_server(tmp_path_factory):
     environment = {key: value for key, value in os.environ.items() if key not in {"HTTP_ONLY", "DEBUG"}}
     environment |= {
         "VAR_DIR": str(tmp_path_factory.mktemp("public")),
+        "STATIC_ROOT": str(collected_files()),
         "ALLOWED_HOSTS": "robots.example",
-        "PLAIN_STATIC": "1",
         "DJANGO_SETTINGS_MODULE": "telepresence_site.settings",
         "LOG_LEVEL": "ERROR",
     }

@@ -122,6 +122,7 @@ def test_every_step_of_a_study(opened):
 
 def test_a_researchers_pages(opened):
     visit = made()
+    p.site()  # the course is drawn on its floor plan
     Robot.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))
     client = Client()
     client.force_login(person("owner", is_superuser=True, is_staff=True))

@@ -33,7 +33,7 @@ class Site:
     def __init__(self, var, database):
         self.var = var
         kept = {name: value for name, value in os.environ.items() if name not in {"DATABASE_URL", "SECRET_KEY"}}
-        changed = {"VAR_DIR": str(var), "DATABASE_URL": database, "HTTP_ONLY": "1", "PLAIN_STATIC": "1", "LOG_LEVEL": "WARNING"}
+        changed = {"VAR_DIR": str(var), "DATABASE_URL": database, "HTTP_ONLY": "1", "LOG_LEVEL": "WARNING"}
         self.clerk = Clerk(Path(site.BASE_DIR), kept | changed | {"DJANGO_SETTINGS_MODULE": "telepresence_site.settings"})
         self.clerk.ask("pass")  # its secret key is made before ours is put in its place
 

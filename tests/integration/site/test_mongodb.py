@@ -52,7 +52,7 @@ finally:
 
 def run(*arguments, url=NOWHERE):
     kept = {name: value for name, value in os.environ.items() if name != "DJANGO_SETTINGS_MODULE"}
-    environment = kept | {"DATABASE_URL": url, "DJANGO_SETTINGS_MODULE": "telepresence_site.settings", "HTTP_ONLY": "1", "PLAIN_STATIC": "1"}
+    environment = kept | {"DATABASE_URL": url, "DJANGO_SETTINGS_MODULE": "telepresence_site.settings", "HTTP_ONLY": "1"}
     done = subprocess.run([sys.executable, *arguments], cwd=site.BASE_DIR, env=environment, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout

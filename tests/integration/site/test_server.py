@@ -6,6 +6,7 @@ import time
 
 import aiomqtt
 import pytest
+from django.contrib.staticfiles.storage import staticfiles_storage
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
@@ -154,14 +155,13 @@ async def test_a_robot_that_only_web_traffic_reaches_finds_the_broker_behind_the
 
 
 def test_the_proxy_speaks_tls_and_keeps_the_figures_to_the_house(server):
-    for name in ("page.css", "page.0123456789ab.css"):
-        (server.directory / "www/static/css" / name).write_text("a{}")
+    plain, hashed = "css/_global.css", staticfiles_storage.stored_name("css/_global.css")
     assert server.get(f"{server.url}/metrics")[0] == 404
     status, headers, text = server.get(f"{server.url}/readyz", **{"X-Request-ID": "forged-request-id"})
     assert (status, json.loads(text)["channel_layer"]) == (200, "ok")
     assert headers["x-request-id"] != "forged-request-id"
-    assert "immutable" in server.get(f"{server.url}/static/css/page.0123456789ab.css")[1]["cache-control"]
-    assert "immutable" not in server.get(f"{server.url}/static/css/page.css")[1].get("cache-control", "")
+    assert "immutable" in server.get(f"{server.url}/static/{hashed}")[1]["cache-control"]
+    assert "immutable" not in server.get(f"{server.url}/static/{plain}")[1].get("cache-control", "")
     status, headers, _ = server.get(f"{server.url}/accounts/login/")
     assert status == 200
     assert "max-age=" in headers["strict-transport-security"]

@@ -1,25 +1,28 @@
 """What collectstatic makes of the modules and style sheets."""
 
+import gzip
 import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
-import minify
 import pytest
 
 from tests.support.paths import ROOT
 
+COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
+IMPORTED = re.compile(r"(?:from|import)\s*\(?\s*[\"'](\.[^\"']+)[\"']")
+HASH = re.compile(r"\.[0-9a-f]{12}(?=\.js)")
+LARGEST = 150_000  # bytes of script that the drive page is sent
 pytestmark = pytest.mark.long
 
 
 @pytest.fixture(scope="module")
 def collected(tmp_path_factory) -> Path:
     var = tmp_path_factory.mktemp("var")
-    environment = {name: value for name, value in os.environ.items() if name not in {"PLAIN_STATIC", "DEBUG", "DJANGO_SETTINGS_MODULE"}}
+    environment = {name: value for name, value in os.environ.items() if name not in {"DEBUG", "DJANGO_SETTINGS_MODULE"}}
     subprocess.run(
         [sys.executable, "manage.py", "collectstatic", "--noinput", "-v", "0"],
         cwd=ROOT, env={**environment, "VAR_DIR": str(var), "HTTP_ONLY": "1"}, check=True, timeout=120, umask=0o027,
@@ -32,42 +35,43 @@ def test_the_proxy_which_is_another_user_may_read_what_was_collected_by_one_who_
     assert [path for path in shut if path.suffix != ".gz"] == []  # these are for the site's own processes
 
 
-def test_every_module_imports_only_hashed_modules_so_that_none_loads_twice(collected):
+def modules_of(collected: Path) -> dict[str, Path]:
+    """Return the scripts of ours that pages are sent, by their name here."""
     names = json.loads((collected / "staticfiles.json").read_text())["paths"]
-    modules = [hashed for plain, hashed in names.items() if plain.startswith("js/") and plain.endswith(".js")]
-    assert modules
-    for hashed in modules:
-        for target in re.findall(r"(?:from|import)\s*\(?\s*[\"'](\.[^\"']+)[\"']", (collected / hashed).read_text()):
-            assert re.search(r"\.[0-9a-f]{12}\.js$", target), f"{hashed} imports {target}"
-            assert (collected / hashed).parent.joinpath(target).resolve().exists(), f"{hashed} imports {target}, which is not there"
+    found = {plain: collected / hashed for plain, hashed in names.items() if plain.startswith("js/") and plain.endswith(".js")}
+    assert set(found) == {str(path.relative_to(ROOT / "static")) for path in (ROOT / "static/js").rglob("*.js")}
+    return found
 
 
-def test_collected_scripts_are_what_node_reads_without_their_comments(collected):
-    modules = [path for path in (collected / "js").rglob("*.js") if re.search(r"\.[0-9a-f]{12}\.js$", path.name)]
-    assert modules
-    for path in modules:
-        kind = "commonjs" if path.name.startswith("boot.") else "module"
-        source = path.read_text()
-        assert "/**" not in source
-        checked = subprocess.run(["node", f"--input-type={kind}", "--check"], input=source, capture_output=True, text=True, check=False)
-        assert checked.returncode == 0, f"{path.name}: {checked.stderr}"
+def test_every_module_imports_only_hashed_modules_so_that_none_loads_twice(collected):
+    imports = 0
+    for plain, path in modules_of(collected).items():
+        for target in IMPORTED.findall(COMMENT.sub("", path.read_text())):
+            imports += 1
+            assert HASH.search(target), f"{plain} imports {target}"
+            assert path.parent.joinpath(target).resolve().exists(), f"{plain} imports {target}, which is not there"
+    assert imports > len(list((ROOT / "static/js").rglob("*.js")))
 
 
-def test_the_pages_own_tests_pass_on_its_shortened_modules(tmp_path):
-    for name in ("tests/js", "tests/golden", "templates/sessions", "static/js"):
-        shutil.copytree(ROOT / name, tmp_path / name)
-    for path in (tmp_path / "static" / "js").rglob("*.js"):
-        path.write_text(minify.string("text/javascript", path.read_text()))
-    tests = [tmp_path / "tests/js" / f"{name}.test.js" for name in ("commands", "dots", "overlay", "pointing", "robot_api", "session")]
-    done = subprocess.run(["node", "--test", *map(str, tests)], capture_output=True, text=True, check=False, timeout=120)
-    assert done.returncode == 0, done.stdout[-3000:]
+def test_a_browser_is_sent_what_was_written_and_tested_but_for_the_names_of_what_it_imports(collected):
+    for plain, path in modules_of(collected).items():
+        assert HASH.sub("", path.read_text()) == (ROOT / "static" / plain).read_text(), plain
+
+
+def test_every_script_is_read_by_node_and_lies_there_compressed(collected):
+    for plain, path in modules_of(collected).items():
+        kind = "commonjs" if plain == "js/boot.js" else "module"
+        checked = subprocess.run(["node", f"--input-type={kind}", "--check"], input=path.read_text(), capture_output=True, text=True, check=False)
+        assert checked.returncode == 0, f"{plain}: {checked.stderr}"
+        copy = path.with_name(f"{path.name}.gz")
+        assert not copy.exists() or gzip.decompress(copy.read_bytes()) == path.read_bytes()
 
 
 def test_the_drive_pages_script_stays_small(collected):
     wanted = re.findall(r"static 'js/([^']+)'", (ROOT / "templates" / "sessions" / "_modules.html").read_text())
-    names = json.loads((collected / "staticfiles.json").read_text())["paths"]
-    size = sum((collected / names[f"js/{name}"]).stat().st_size for name in [*wanted, "console.js", "boot.js"])
-    assert 40_000 < size < 150_000, f"{size} bytes"
+    modules = modules_of(collected)
+    size = sum(len(gzip.compress(modules[f"js/{name}"].read_bytes())) for name in [*wanted, "console.js", "boot.js"])
+    assert LARGEST / 2 < size < LARGEST, f"{size} bytes"
 
 
 def test_no_style_sheet_points_at_a_file_that_is_not_there(collected):

@@ -1,0 +1,34 @@
+/** Every script that a page is given: `npx eslint` (make lint). */
+
+import js from "@eslint/js";
+import globals from "globals";
+
+export default [
+  { ignores: ["**/*", "!static/", "!static/js/", "!static/js/**"] },
+  { linterOptions: { reportUnusedDisableDirectives: "error" } },
+  js.configs.recommended,
+  {
+    languageOptions: { ecmaVersion: 2022, sourceType: "module", globals: globals.browser },
+    rules: {
+      // Of the same scope alone: a function may name what stands below it, as it is called later.
+      "no-use-before-define": ["error", { functions: false, classes: false, variables: false }],
+      "array-callback-return": "error",
+      eqeqeq: ["error", "always", { null: "ignore" }],
+      "no-constructor-return": "error",
+      "no-duplicate-imports": "error",
+      "no-eval": "error",
+      "no-implied-eval": "error",
+      "no-self-compare": "error",
+      "no-shadow-restricted-names": "error",
+      "no-template-curly-in-string": "error",
+      "no-throw-literal": "error",
+      "no-undef-init": "error",
+      "no-unmodified-loop-condition": "error",
+      "no-unreachable-loop": "error",
+      "no-useless-assignment": "error",
+      "no-var": "error",
+      "prefer-const": "error",
+    },
+  },
+  { files: ["static/js/boot.js"], languageOptions: { sourceType: "script" } },
+];
