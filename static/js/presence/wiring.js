@@ -386,7 +386,6 @@ export const createPresence = ({ store, config, words, element, hotkeys, report,
       while (list.children.length > MOST_LINES) {
         list.firstElementChild?.remove();
       }
-      list.scrollTop = list.scrollHeight;
       if (!mine && open !== "talk") {
         unread += 1;
         // What somebody says there is worth seeing at once; the keys go on driving, or stay with the menu that has them.
@@ -394,6 +393,8 @@ export const createPresence = ({ store, config, words, element, hotkeys, report,
       }
       unread = open === "talk" ? 0 : unread;
       store.update({});
+      store.flush(); // what is hidden cannot be scrolled
+      list.scrollTop = list.scrollHeight;
     },
     /** @param {any} message where somebody there points */
     pointed: (message) => preview?.pointed(message),
