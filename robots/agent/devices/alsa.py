@@ -160,7 +160,7 @@ class _Child:
                 bufsize=0,
                 pipesize=-1 if records else LIMITS.pipe * WIDTH,
                 env={**os.environ, "LC_ALL": "C"},
-                process_group=0,  # Ctrl-C is for the agent, which ends it in its own time
+                start_new_session=True,  # Ctrl-C is for the agent, which ends it in its own time
             )
         except FileNotFoundError as error:
             raise AdapterError(f"the {name} {address} cannot be used: {program} is not there; sudo apt install {PACKAGES}") from error

@@ -39,7 +39,7 @@ PATHS = ("/dev/", "/proc/", "/sys/", "/run/", "/etc/", "/tmp/", "/var/", "/usr/"
 GUARDS = ("sys.platform", "os.name", "hasattr", "getattr")
 EXCUSES = {"NotImplementedError", "AttributeError"}
 # What people are told, and a word of theirs that is compared.
-PATHS_IN_WORDS = {"robots/agent/devices/words.py"}
+PATHS_IN_WORDS = {"robots/agent/__init__.py", "robots/agent/devices/words.py"}
 
 
 def dotted(node: ast.AST) -> str:

@@ -1,5 +1,7 @@
 """Adapters that wait as long as a busy machine takes."""
 
+import dataclasses
+
 import pytest
 
 from robots.agent.adapters import autonomy, autonomy_child, remote, simulator
@@ -15,7 +17,13 @@ SECONDS = (
 
 @pytest.fixture
 def patient_adapters(monkeypatch):
-    """A robot or a mind that says nothing for a second is given up. Here that second may be the machine's, which has others to serve."""
+    """A robot or a mind that says nothing for a second is given up, one that does not answer for a quarter is not driven.
+
+    Here that second may be the machine's, which has others to serve. With the real limits they are tested in tests/timing.
+    """
     for module, names in SECONDS:
         for name in names:
             monkeypatch.setattr(module, name, patient(getattr(module, name)))
+    gate = remote.GATE
+    slower = {name: patient(getattr(gate, name)) for name in ("patience", "oldest", "freshest", "longest")}
+    monkeypatch.setattr(remote, "GATE", dataclasses.replace(gate, **slower))
