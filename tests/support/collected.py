@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ from django.contrib.staticfiles.finders import BaseFinder
 
 from telepresence_site.static_files import HashedModules
 from tests.support.paths import ROOT
+
+FORGOTTEN_S = 24 * 3600.0
 
 
 @functools.cache
@@ -28,7 +31,8 @@ def collected_files() -> Path:
         folder = kept / _digest()
         if not folder.is_dir():
             for old in kept.glob("*/"):
-                shutil.rmtree(old, ignore_errors=True)
+                if time.time() - old.stat().st_mtime > FORGOTTEN_S:  # another run may still use a newer one
+                    shutil.rmtree(old, ignore_errors=True)
             _collect(folder)
     return folder
 
