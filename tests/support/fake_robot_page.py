@@ -47,6 +47,7 @@ STEP = "/study/step/"  # where a study goes on
 PRACTICE = "/practice/robot/"
 TICK = 0.02
 RENEWAL = 500  # ticks
+FPS = 10.0  # of the robot's camera: what a computer without a graphics card plays beside other tests
 POLICY = "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; media-src 'self' blob:; connect-src 'self'; object-src 'none'"
 
 
@@ -65,7 +66,7 @@ class FakeRobotPage:
         self.model = model
         self.factsheet: dict[str, Any] = {"name": ROBOT, "limits": self.limits, "footprint": model.footprint, "camera": model.camera}
         self.factsheet |= {"tilt": model.tilt, "laser": m.Laser(x=model.laser.x), "series": "Giraff", "capabilities": ("velocity", "video")}
-        self.camera = camera or SyntheticCamera()
+        self.camera = camera or SyntheticCamera(fps=FPS)
         if isinstance(self.camera, SceneSource):
             self.camera.simulation = self.simulation
         self.media = MediaSide(video=self.camera, audio=None, viewers=4, on_frame=self._on_channel, reply=self._reply)

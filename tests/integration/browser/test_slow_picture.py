@@ -54,7 +54,7 @@ def site(computer, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def giraff(site):
-    return site.start_robot("giraff", "--start", "lab-before-door", "--seed", "3")
+    return site.start_robot("giraff", "--start", "lab-before-door", "--seed", "3", "--fps", "30")
 
 
 def wait_for_slow_picture(visitor):
