@@ -4,7 +4,6 @@ import asyncio
 import math
 import os
 import signal
-from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,7 +22,7 @@ from robots.agent.world.sites import load_site
 from robots.api.geometry import Pose2D
 from robots.api.messages import Cancel, Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Tilt, Velocity
 from tests.support.adapter_conformance import AdapterConformance, some, wait_for
-from tests.support.patience import patient
+from tests.support.autonomous_drive import driving, made
 from tests.support.scripted_robot import ScriptedRobot
 from tests.support.simulators import alive
 from tests.support.truth import Fate, Onlooker
@@ -31,12 +30,6 @@ from tests.support.truth import Fate, Onlooker
 pytestmark = pytest.mark.usefixtures("patient_adapters")
 NEAR = "3.0,1.0,3.1"  # two metres before
 THERE = {"place": None, "x": 1.2, "y": 1.0}  # where a robot need not turn round
-
-
-def made(profile: str = "giraff", **options: str) -> AutonomyAdapter:
-    adapter = registry.autonomous(registry.create("simulator", profile, {"camera": "no", "start": "5.0,1.0,3.1", "seed": "3"} | options))
-    assert isinstance(adapter, AutonomyAdapter)
-    return adapter
 
 
 class TestWrapped(AdapterConformance):
@@ -47,77 +40,6 @@ class TestWrapped(AdapterConformance):
         assert isinstance(adapter, AutonomyAdapter)
         truth = adapter.inner._truth
         return truth.commanded_at if truth else 0.0
-
-
-class Drive:
-    """A wrapped robot whose wishes reach its wheels, as the agent's control loop does it, with everything that it says."""
-
-    def __init__(self, adapter: AutonomyAdapter) -> None:
-        self.adapter = adapter
-        self.state = None
-        self.news = []
-        self.complaints = set()  # of all states: what is wrong for a moment is gone before a busy tester looks
-        self.driver = None
-        self.told = ZERO
-        self._changed = asyncio.Condition()
-
-    async def read(self):
-        async for state in self.adapter.states():
-            self.state = state
-            self.complaints.update(state.errors)
-            wanted = self.adapter.wanted()
-            if wanted is not None:
-                self.told = self.adapter.proceed(wanted)
-            elif self.driver is not None:
-                self.told = self.adapter.apply(self.driver)
-            await self._say_so()
-
-    async def listen(self):
-        async for news in self.adapter.progress():
-            self.news.append(news)
-            await self._say_so()
-
-    async def _say_so(self):
-        async with self._changed:
-            self._changed.notify_all()
-
-    async def until(self, condition, seconds=30.0):
-        async with asyncio.timeout(patient(seconds)), self._changed:
-            await self._changed.wait_for(condition)
-
-    async def known(self):
-        """Wait until the robot thinks and knows where it is."""
-        await self.until(lambda: self.state is not None and self.state.pose.localized)
-
-    def last(self, action_id):
-        return next((n for n in reversed(self.news) if n.action_id == action_id), None)
-
-    async def ended(self, action_id, seconds=60.0):
-        await self.until(lambda: (n := self.last(action_id)) is not None and n.status in {"FINISHED", "FAILED", "CANCELLED"}, seconds)
-        return self.last(action_id)
-
-    async def moving(self):
-        await self.until(lambda: abs(self.state.velocity.linear) > 0.1)
-
-    async def standing(self):
-        await self.until(lambda: self.state.velocity == ZERO, 5.0)
-
-    def port(self):
-        return int(self.adapter.inner.address.rpartition(":")[2])
-
-
-@asynccontextmanager
-async def driving(adapter: AutonomyAdapter):
-    await adapter.connect()
-    drive = Drive(adapter)
-    tasks = [asyncio.ensure_future(drive.read()), asyncio.ensure_future(drive.listen())]
-    try:
-        yield drive
-    finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
-        await adapter.close()
 
 
 def goto(action_id="g", **fields):
@@ -208,19 +130,6 @@ async def test_cancelling_stops_the_robot():
 
 
 # --- help for a driver ---------------------------------------------------------------------------------------------------
-
-
-async def test_a_driver_is_helped_and_told_why():
-    async with driving(made(start="2.0,1.0,3.1416")) as drive:
-        await drive.until(lambda: drive.adapter._beams is not None)
-        drive.adapter.set_assist("slow")
-        drive.driver = Velocity(linear=0.5, angular=0.0)
-        # A laser's noise may let it creep.
-        await drive.until(lambda: drive.state.assist_why == "stop" and drive.told.linear < 0.03 and drive.state.assist_point is not None)
-        assert drive.state.contacts == 0
-        assert drive.state.clearance < 0.6
-        drive.driver = Velocity(linear=-0.2, angular=0.0)
-        await drive.until(lambda: drive.state.velocity.linear < -0.1)
 
 
 async def test_without_help_a_driver_gets_what_he_asks_for():

@@ -47,6 +47,7 @@ class TestGiraff(RcaConformance):
         monkeypatch.setattr("robots.agent.adapters.moos.LANDING", 0.5)
         monkeypatch.setitem(VIA, "Sofa", None)
         monkeypatch.delitem(NODES, "Sofa")  # the planner finds no way to it, and says that the plan is finished
+        await wait_for(adapter, lambda _: adapter._place == "Door")
         await adapter.start(Goto(action_id="g", stamp=0.0, place="Sofa"))
         last = (await heard(adapter, ended("g")))[-1]
         assert (last.status, last.reason) == ("FAILED", "the robot stopped before it was there")

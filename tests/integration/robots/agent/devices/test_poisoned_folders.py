@@ -16,8 +16,13 @@ from tests.support.sound_server import environment_of
 
 POISONED = ("/tmp/vendor/etc/gnutls/config", "/tmp/vendor/share/alsa/alsa.conf")
 LOADS_AV = re.compile(r"^\s*(import|from) (av|aiortc)\b", re.MULTILINE)
+# What is tested may itself lie under /tmp: it is kept at hand while the new /tmp is laid over it.
 SCRIPT = r"""
+mount --bind "$KEPT" /mnt
 mount -t tmpfs -o strictatime none /tmp
+mkdir -p "$KEPT"
+mount --bind /mnt "$KEPT"
+cd "$KEPT"
 mkdir -p /tmp/vendor/etc/gnutls /tmp/vendor/share/alsa
 echo '[overrides]' > /tmp/vendor/etc/gnutls/config
 echo 'pcm.default { type null }' > /tmp/vendor/share/alsa/alsa.conf
@@ -50,7 +55,7 @@ def read_by(tmp_path, *command: str) -> list[str]:
     """Return the poisoned files that a command of the project has read."""
     home = tmp_path / "home"
     (home / "run").mkdir(parents=True)
-    environment = {**environment_of(home), "PYTHONPATH": str(ROOT), "DJANGO_SETTINGS_MODULE": "tests.settings"}
+    environment = {**environment_of(home), "PYTHONPATH": str(ROOT), "DJANGO_SETTINGS_MODULE": "tests.settings", "KEPT": str(ROOT)}
     user = [] if os.geteuid() == 0 else ["--user", "--map-root-user"]
     done = subprocess.run(
         ["unshare", "--mount", *user, "sh", "-eu", "-c", SCRIPT, "sh", *command],

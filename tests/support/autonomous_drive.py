@@ -1,0 +1,86 @@
+"""A simulated robot that finds its way or helps its driver, and what the control loop does with its wishes."""
+
+import asyncio
+from contextlib import asynccontextmanager
+
+from robots.agent.adapters import registry
+from robots.agent.adapters.autonomy import AutonomyAdapter
+from robots.agent.motion import ZERO
+from tests.support.patience import patient
+
+
+def made(profile: str = "giraff", **options: str) -> AutonomyAdapter:
+    adapter = registry.autonomous(registry.create("simulator", profile, {"camera": "no", "start": "5.0,1.0,3.1", "seed": "3"} | options))
+    assert isinstance(adapter, AutonomyAdapter)
+    return adapter
+
+
+class Drive:
+    """A wrapped robot whose wishes reach its wheels, as the agent's control loop does it, with everything that it says."""
+
+    def __init__(self, adapter: AutonomyAdapter) -> None:
+        self.adapter = adapter
+        self.state = None
+        self.news = []
+        self.complaints = set()  # of all states: what is wrong for a moment is gone before a busy tester looks
+        self.driver = None
+        self.told = ZERO
+        self._changed = asyncio.Condition()
+
+    async def read(self):
+        async for state in self.adapter.states():
+            self.state = state
+            self.complaints.update(state.errors)
+            wanted = self.adapter.wanted()
+            if wanted is not None:
+                self.told = self.adapter.proceed(wanted)
+            elif self.driver is not None:
+                self.told = self.adapter.apply(self.driver)
+            await self._say_so()
+
+    async def listen(self):
+        async for news in self.adapter.progress():
+            self.news.append(news)
+            await self._say_so()
+
+    async def _say_so(self):
+        async with self._changed:
+            self._changed.notify_all()
+
+    async def until(self, condition, seconds=30.0):
+        async with asyncio.timeout(patient(seconds)), self._changed:
+            await self._changed.wait_for(condition)
+
+    async def known(self):
+        """Wait until the robot thinks and knows where it is."""
+        await self.until(lambda: self.state is not None and self.state.pose.localized)
+
+    def last(self, action_id):
+        return next((n for n in reversed(self.news) if n.action_id == action_id), None)
+
+    async def ended(self, action_id, seconds=60.0):
+        await self.until(lambda: (n := self.last(action_id)) is not None and n.status in {"FINISHED", "FAILED", "CANCELLED"}, seconds)
+        return self.last(action_id)
+
+    async def moving(self):
+        await self.until(lambda: abs(self.state.velocity.linear) > 0.1)
+
+    async def standing(self):
+        await self.until(lambda: self.state.velocity == ZERO, 5.0)
+
+    def port(self):
+        return int(self.adapter.inner.address.rpartition(":")[2])
+
+
+@asynccontextmanager
+async def driving(adapter: AutonomyAdapter):
+    await adapter.connect()
+    drive = Drive(adapter)
+    tasks = [asyncio.ensure_future(drive.read()), asyncio.ensure_future(drive.listen())]
+    try:
+        yield drive
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        await adapter.close()
