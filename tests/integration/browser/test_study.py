@@ -1,11 +1,9 @@
 """A study for real, from the link to the thanks: newcomers in Chromium, a simulated robot, a real broker, and nobody who helps.
 
-At the size of a desktop the paper's whole course, with a door closed; at that of a phone a short one. `NEWCOMERS=all` lets them drive the
-whole course at both sizes, whatever door is closed, which takes a quarter of an hour.
+A short course at the sizes of a desktop and of a phone; the paper's whole course at both sizes, whatever door is closed, is a matter of endurance.
 """
 
 import json
-import os
 import re
 
 import msgspec
@@ -22,9 +20,8 @@ SIZES = {
     "phone": {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True, "device_scale_factor": 2},
 }
 CONDITIONS = ("giraff_open", "giraff_lab_closed", "giraff_lounge_closed")
-USUAL = [("desktop", "giraff_lounge_closed", False), ("phone", "giraff_open", True)]
-ALL = [(size, condition, False) for size in SIZES for condition in CONDITIONS]
-CASES = USUAL + [case for case in ALL if case not in USUAL] if os.environ.get("NEWCOMERS") == "all" else USUAL
+SHORT = [("desktop", "giraff_lounge_closed", True), ("phone", "giraff_open", True)]
+WHOLE = [pytest.param(size, condition, False, marks=pytest.mark.soak) for size in SIZES for condition in CONDITIONS]
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +106,7 @@ def hands_for(page: Page, size: str) -> Keys | Finger:
 
 
 @pytest.mark.usefixtures("giraff")
-@pytest.mark.parametrize(("size", "condition", "short"), CASES)
+@pytest.mark.parametrize(("size", "condition", "short"), SHORT + WHOLE)
 def test_a_newcomer_goes_from_the_link_to_the_thanks_and_comes_again(site, visitor, size, condition, short):
     slug = publish(site, condition, short=short)
     nora = visitor(**SIZES[size])
