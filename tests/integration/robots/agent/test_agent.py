@@ -23,6 +23,7 @@ from tests.support.control_rig import ListeningMedia
 from tests.support.mosquitto import Mosquitto
 from tests.support.mqtt_ear import Ear
 from tests.support.paths import ROOT
+from tests.support.patience import patient
 from tests.support.scripted_robot import ScriptedRobot
 
 
@@ -131,15 +132,17 @@ def drive_forwards(ear, *, command_age=None, until=None):
     """Give a lease, make the clocks known, and drive until the robot moves (or `until`), as a page on the MQTT way does."""
     until = until or (lambda: any(s.velocity.linear > 0.1 for s in ear.all("state")[-3:]))
     limits = m.LeaseLimits(command_age=command_age)
-    for number in range(1, 4):
-        beat, now = ear.wait("heartbeat", since=ear.count), time.time()
-        echo = m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=now)
-        ear.say("command/heartbeat", m.CommandHeartbeat(n=number, stamp=now, peer="p1", echo=echo))
-    for number in range(1, 400):
-        if number % 20 == 1:
+    deadline = time.monotonic() + patient(16.0)
+    number = 0
+    while time.monotonic() < deadline:
+        number += 1
+        if number % 20 == 1:  # an echo that a busy computer kept waiting makes every command look old: it is given again
             lease = m.Lease(session="s1", epoch=1, peer="p1", who="Ada", renewal=number, stamp=time.time(), video="none", limits=limits)
             ear.say("lease", lease)
-        speed = 0.0 if number < 5 else 0.3  # nothing pressed at first: a robot that has just come up waits for that
+            beat, now = ear.wait("heartbeat", since=ear.count), time.time()
+            echo = m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=now)
+            ear.say("command/heartbeat", m.CommandHeartbeat(n=number, stamp=now, peer="p1", echo=echo))
+        speed = 0.0 if number % 60 < 5 else 0.3  # nothing pressed at first: a robot that has just come up, or was stopped, waits for that
         command = m.VelocityCommand(session="s1", epoch=1, seq=number, stamp=time.time(), linear=speed, angular=0.0, method="script")
         ear.say("command/velocity", command)
         if until():
