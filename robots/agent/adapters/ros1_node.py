@@ -105,9 +105,9 @@ class Node:
 
     def run(self) -> None:
         """Do what the agent says until it is gone."""
+        self.say(op="ready", node=self.rospy.get_name())  # the agent takes anything else that comes first for a failure
         for work in (self.watch_wheels, self.watch_master, self.answer_questions):
             threading.Thread(target=work, daemon=True).start()
-        self.say(op="ready", node=self.rospy.get_name())
         try:
             for line in self.connection.makefile("r", encoding="utf-8"):
                 order = json.loads(line)
