@@ -10,11 +10,11 @@ logs=$(mktemp -d)
 trap 'kill $(jobs -p) 2>/dev/null || true; rm -rf "$logs"' EXIT
 step() { printf '\n== %s (%s s)\n' "$1" "$(($(date +%s) - started))"; }
 
-# Two cores are not full while tests wait for real servers: more of these run at once than there are cores.
+# Tests wait for real servers half of their time: two of these run side by side on each core.
 cores=$(getconf _NPROCESSORS_ONLN)
 pytest() { "$BIN/python" -m pytest -q --dist loadfile --no-loadscope-reorder --durations 10 --durations-min 1 "$@" ${PYTEST_ARGS:-}; }
 unit() { pytest -n logical tests/unit; }
-servers() { pytest -n $((cores + 1)) -m "$1" tests/integration --ignore tests/integration/browser; }
+servers() { pytest -n "$cores" -m "$1" tests/integration --ignore tests/integration/browser; }
 browsers() { pytest -n "$cores" -m "$1" tests/integration/browser; }
 timing() { pytest -p no:xdist -m "$1" tests/timing; }
 
