@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 from robots.agent.adapters.contract import ActionProgress, Adapter, AdapterError, RcaState, SelfDriving
 from robots.agent.backoff import Backoff
+from robots.agent.cancellation import cancel
 from robots.agent.reading import UnsoundReadingError, sound
 from robots.api.messages import Action, AssistLevel, FloorPlanUpdate, Velocity
 
@@ -137,9 +138,7 @@ class AdapterLink:
             for task in done:
                 task.result()
         finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            await cancel(*tasks)
 
     async def _cancel(self, action_id: str) -> None:
         try:

@@ -14,6 +14,7 @@ from typing import Any
 
 from robots.agent.adapter_link import AdapterLink
 from robots.agent.adapters.contract import Adapter
+from robots.agent.cancellation import cancel
 from robots.agent.lab.in_force import CLEAN, Networks
 from robots.agent.pilot import Parts, Pilot
 from robots.agent.priority import FIRST, ORDINARY, set_nice
@@ -127,11 +128,11 @@ class ControlLoop:
             pilot.brake()
             await self._until_standing(pilot)
         finally:
-            await _cancel(adapter)
+            await cancel(adapter)
             await self._adapter.close()
             self._link.close()
             await asyncio.wait({link}, timeout=FAREWELL_TIME)
-            await _cancel(link, *self._beside)
+            await cancel(link, *self._beside)
 
     def _run(self, media: Media) -> None:
         set_nice(FIRST)
@@ -203,9 +204,3 @@ class ControlLoop:
 
 def _is_urgent(frame: str | bytes) -> bool:
     return frame.startswith(URGENT) if isinstance(frame, str) else frame.startswith(URGENT.encode())
-
-
-async def _cancel(*tasks: asyncio.Task[None]) -> None:
-    for task in tasks:
-        task.cancel()
-    await asyncio.gather(*tasks, return_exceptions=True)

@@ -21,6 +21,7 @@ from robots.agent.adapters.errands import LONGEST_DOCKING, LONGEST_TILT, Errand,
 from robots.agent.adapters.readings import Readings
 from robots.agent.adapters.robot_profile import BatteryRange, RobotProfile
 from robots.agent.adapters.velocity_gate import GateParams, VelocityGate
+from robots.agent.cancellation import cancel
 from robots.agent.motion import ZERO
 from robots.api import docked
 from robots.api.docked import DockReading, DockState
@@ -355,10 +356,7 @@ class RemoteAdapter(ABC):
     async def _let_go(self, why: str) -> None:
         self._failure = why
         self._news.set()
-        tasks = tuple(self._tasks)
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await cancel(*self._tasks)
         await self._shut()
         self.errands.end_all("the robot was lost" if why != "closed" else "the agent ends")
 

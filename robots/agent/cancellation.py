@@ -1,0 +1,20 @@
+"""Ending tasks for certain.
+
+Until Python 3.12 `asyncio.wait_for`, which aiomqtt rests on, now and then forgets a cancellation that
+arrives together with what it waits for. So a task is cancelled until it is done, and never only once.
+"""
+
+import asyncio
+from typing import Any
+
+AGAIN_S = 0.5
+
+
+async def cancel(*tasks: "asyncio.Future[Any]") -> None:
+    """Cancel tasks and wait until they have ended; what they raise is dropped."""
+    pending = {task for task in tasks if not task.done()}
+    while pending:
+        for task in pending:
+            task.cancel()
+        _, pending = await asyncio.wait(pending, timeout=AGAIN_S)
+    await asyncio.gather(*tasks, return_exceptions=True)
