@@ -33,6 +33,7 @@ from robots.api import codec, messages, topics
 from robots.bridge import broker_address
 from robots.bridge.inbox import Inbox
 from robots.bridge.quick_reading import read_quickly
+from robots.cancellation import cancel
 from robots.credentials import server_client_id
 from robots.presence import PresenceWriter
 from sessions import announcements, signals, system_log
@@ -45,7 +46,7 @@ from sessions.models import Session
 from sessions.record_items import CloseItem
 from sessions.recorder import Recorder
 from sessions.reports import send_all
-from sessions.side_by_side import end, until_one_ends
+from sessions.side_by_side import until_one_ends
 from sessions.standing_orders import StandingOrders
 from sessions.timekeeper import Letter, Timekeeper, send
 from sessions.timekeeping import Link
@@ -132,7 +133,7 @@ class SessionManager:
             await self._keep_beat(serving)
         finally:
             self._serving = False
-            await end(serving)
+            await cancel(serving)
             if not await asyncio.to_thread(self.recorder.stop, FLUSH_SECONDS):
                 logger.error("record_not_finished counts=%s", dict(self.recorder.counts))
             logger.info("session_manager_stopped counts=%s", dict(self.recorder.counts + self._intake.counts))

@@ -8,9 +8,9 @@ from typing import Any, Protocol
 
 from robots.agent.adapters.contract import ActionProgress, Adapter, AdapterError, RcaState, SelfDriving
 from robots.agent.backoff import Backoff
-from robots.agent.cancellation import cancel
 from robots.agent.reading import UnsoundReadingError, sound
 from robots.api.messages import Action, AssistLevel, FloorPlanUpdate, Velocity
+from robots.cancellation import cancel
 
 log = logging.getLogger(__name__)
 

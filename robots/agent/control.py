@@ -14,7 +14,6 @@ from typing import Any
 
 from robots.agent.adapter_link import AdapterLink
 from robots.agent.adapters.contract import Adapter
-from robots.agent.cancellation import cancel
 from robots.agent.lab.in_force import CLEAN, Networks
 from robots.agent.pilot import Parts, Pilot
 from robots.agent.priority import FIRST, ORDINARY, set_nice
@@ -23,6 +22,7 @@ from robots.agent.store import Store
 from robots.agent.times import Times
 from robots.agent.ways_out import Link, Media
 from robots.api.messages import Capability, Message, Role, SignalReply
+from robots.cancellation import cancel
 
 log = logging.getLogger(__name__)
 

@@ -21,8 +21,9 @@ from asgiref.sync import sync_to_async
 from django.conf import settings
 
 from robots.api import codec, messages, topics
+from robots.cancellation import cancel
 from sessions.session_manager import SessionManager
-from sessions.side_by_side import end, until_one_ends
+from sessions.side_by_side import until_one_ends
 from tests.support.paths import ROOT
 from tests.support.patience import patient
 from tests.support.site import free_port
@@ -133,7 +134,7 @@ class ScriptedRobot:
 
     async def __aexit__(self, *_exc: object) -> None:
         self._leaving = True  # leaving a lost broker turns a cancellation into an MqttError
-        await end(self._task)
+        await cancel(self._task)
 
     async def _run(self, ready: asyncio.Event) -> None:
         while not self._leaving:

@@ -21,11 +21,11 @@ from robots.agent.adapters.errands import LONGEST_DOCKING, LONGEST_TILT, Errand,
 from robots.agent.adapters.readings import Readings
 from robots.agent.adapters.robot_profile import BatteryRange, RobotProfile
 from robots.agent.adapters.velocity_gate import GateParams, VelocityGate
-from robots.agent.cancellation import cancel
 from robots.agent.motion import ZERO
 from robots.api import docked
 from robots.api.docked import DockReading, DockState
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Tilt, Undock, Velocity
+from robots.cancellation import cancel
 
 CONNECT_TIME = 5.0
 FIRST_READING = 5.0
