@@ -12,11 +12,12 @@ step() { printf '\n== %s (%s s)\n' "$1" "$(($(date +%s) - started))"; }
 
 # Tests wait for real servers half of their time: two of these run side by side on each core.
 cores=$(getconf _NPROCESSORS_ONLN)
-pytest() { "$BIN/python" -m pytest -q --dist loadfile --no-loadscope-reorder --durations 10 --durations-min 1 "$@" ${PYTEST_ARGS:-}; }
-unit() { pytest -n logical tests/unit; }
-servers() { pytest -n "$cores" -m "$1" tests/integration --ignore tests/integration/browser; }
-browsers() { pytest -n "$cores" -m "$1" tests/integration/browser; }
-timing() { pytest -p no:xdist -m "$1" tests/timing; }
+pytest() { "$BIN/python" -m pytest -q --durations 10 --durations-min 1 "$@" ${PYTEST_ARGS:-}; }
+side_by_side() { pytest --dist loadfile --no-loadscope-reorder -n "$@"; }
+unit() { side_by_side logical tests/unit; }
+servers() { side_by_side "$cores" -m "$1" tests/integration --ignore tests/integration/browser; }
+browsers() { side_by_side "$cores" -m "$1" tests/integration/browser; }
+timing() { pytest -m "$1" tests/timing; }
 
 lint() {
     step "ruff"
