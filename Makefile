@@ -10,7 +10,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-PHOTOGRAPHED := $(addprefix tests/integration/browser/test_,accessibility.py autonomy.py slow_picture.py replay.py presence.py)
+PHOTOGRAPHED := $(addprefix tests/integration/browser/test_,accessibility.py autonomy.py slow_picture.py replay.py) tests/integration/browser/drive_page/test_presence.py
 export PORT LAN RESET
 
 .PHONY: demo check test soak lint bench docs lock setup setup-dev test-packages screenshots

@@ -98,12 +98,12 @@ async def drive(browser: Browser, page: Page, seconds: float) -> tuple[dict[str,
 
 async def measure(seconds: float) -> list[Figure]:
     """Return all figures."""
-    from tests.support.browser_page import CHROMIUM, FLAGS
+    from tests.support.chromium import CHROMIUM, FLAGS
     from tests.support.fake_robot_page import FakeRobotPage
 
     with FakeRobotPage() as site:
         async with async_playwright() as playwright:
-            browser = await playwright.chromium.launch(executable_path=CHROMIUM, headless=True, args=FLAGS)
+            browser = await playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
             page = await (await browser.new_context(viewport={"width": 1280, "height": 800})).new_page()
             await page.add_init_script(WATCH)
             await page.goto(f"{site.url}?go=1")

@@ -14,9 +14,10 @@ from pathlib import Path
 from playwright.sync_api import sync_playwright
 
 from benchmarks.table import Figure, keep, quantiles
+from tests.support.chromium import CHROMIUM
 from tests.support.namespace import HERE, Namespace, namespace
 from tests.support.site import LOOPBACK, running_site
-from tests.support.visitor import CHROMIUM, Visitor, chromium
+from tests.support.visitor import Visitor, chromium
 
 RATE = "400kbit"
 NARROW, WIDE = 25.0, 15.0  # s

@@ -26,11 +26,12 @@ from typing import Any, Self
 from playwright.sync_api import Browser, Playwright, sync_playwright
 
 from benchmarks.table import RESULTS
+from tests.support.chromium import CHROMIUM
 from tests.support.coturn import SECRET, Coturn, deployed_limits
 from tests.support.networks import HOME, LAN_SERVER, NO_UDP, OPEN, RELAY, SERVER, STRICT, WEB_ONLY, Computer, Internet, internet
 from tests.support.server import PORTS, Server, running_server
 from tests.support.site import ROOT, free_port, wait_for
-from tests.support.visitor import CHROMIUM, Visitor, chromium
+from tests.support.visitor import Visitor, chromium
 
 NETWORKS = {"open": OPEN, "NAT": HOME, "strict NAT": STRICT, "no UDP": NO_UDP, "only 443": WEB_ONLY}
 LAN = "LAN"

@@ -25,7 +25,9 @@ def site(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def playwright():
-    with sync_playwright() as playwright:
+    # Its synchronous interface runs an event loop in this thread, which Django takes for asynchronous code.
+    with pytest.MonkeyPatch.context() as patch, sync_playwright() as playwright:
+        patch.setenv("DJANGO_ALLOW_ASYNC_UNSAFE", "1")
         yield playwright
 
 

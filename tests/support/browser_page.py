@@ -11,21 +11,11 @@ from playwright.async_api import Browser, Page, async_playwright
 
 from robots.agent.media import MediaSide
 from robots.api.messages import Candidate, Offer, Role
+from tests.support.chromium import CHROMIUM, FLAGS
 from tests.support.loopback_peer import Exchange, until
 from tests.support.patience import patient
 
 PAGE = Path(__file__).with_name("browser_page.html")
-CHROMIUM = "/usr/bin/chromium"
-FLAGS = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--autoplay-policy=no-user-gesture-required",
-]
 
 
 @asynccontextmanager
@@ -35,7 +25,7 @@ async def chromium() -> AsyncIterator[tuple[Browser, str]]:
     threading.Thread(target=server.serve_forever, daemon=True).start()
     try:
         async with async_playwright() as playwright:
-            browser = await playwright.chromium.launch(executable_path=CHROMIUM, headless=True, args=FLAGS)
+            browser = await playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
             try:
                 yield browser, f"http://127.0.0.1:{server.server_address[1]}/"
             finally:

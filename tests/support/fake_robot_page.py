@@ -149,12 +149,13 @@ class FakeRobotPage:
     async def _main(self) -> None:
         self._loop = asyncio.get_running_loop()
         self._ended = asyncio.Event()
-        async with serve(self._page, "127.0.0.1", 0, process_request=self._http) as server:
-            self.url = f"http://127.0.0.1:{_port(server)}/"
-            self._ready.set()
-            robot = asyncio.create_task(self._robot())
-            await self._ended.wait()
-            robot.cancel()
+        server = await serve(self._page, "127.0.0.1", 0, process_request=self._http)
+        self.url = f"http://127.0.0.1:{_port(server)}/"
+        self._ready.set()
+        robot = asyncio.create_task(self._robot())
+        await self._ended.wait()
+        robot.cancel()
+        server.close()  # and nobody is waited for: a browser keeps connections on which it has not asked for anything yet
 
     def _http(self, _connection: ServerConnection, request: Request) -> Response | None:
         path = urlsplit(request.path).path

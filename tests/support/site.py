@@ -232,6 +232,8 @@ class Site:
         self.start(f"{name}-simulator", ["-m", "robots.agent.simulator", "--profile", name, "--listen", f"{LOOPBACK}:{port}", *simulator])
         self.start(name, ["manage.py", "run_robot", name, "--var", str(self.var), "--option", f"address={LOOPBACK}:{port}", *agent])
         wait_for(lambda: self.robot_is_online(name), 30, f"{name} online")
+        if "dock" in simulator:  # it has touched the contacts for long enough: before, a study would have its participant wait
+            wait_for(lambda: self.robot_is_docked(name), 10, f"{name} docked")
         return Onlooker(port)
 
     def listening(self, port: int) -> bool:
@@ -249,6 +251,10 @@ class Site:
         """Whether its agent is there, and reaches the robot itself."""
         reached = "connection = 'ONLINE' AND report LIKE '{%' AND report NOT LIKE '%adapter_lost: %'"
         return bool(self.rows(f"SELECT 1 FROM robots_robot WHERE name = ? AND {reached}", name))
+
+    def robot_is_docked(self, name: str) -> bool:
+        """Whether the robot says that it is docked."""
+        return bool(self.rows("SELECT 1 FROM robots_robot WHERE name = ? AND json_extract(report, '$.docked')", name))
 
 
 @contextlib.contextmanager

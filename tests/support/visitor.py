@@ -9,14 +9,10 @@ from typing import Any
 from playwright.sync_api import Browser, Page, Playwright, expect
 from playwright.sync_api import Error as PlaywrightError
 
+from tests.support.chromium import CHROMIUM, FLAGS
 from tests.support.patience import HELD, patient
 from tests.support.site import LOOPBACK, Site, wait_for
 
-CHROMIUM = "/usr/bin/chromium"
-FLAGS = [
-    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync",
-    "--autoplay-policy=no-user-gesture-required",
-]  # fmt: skip
 FRAMES = "document.getElementById('video').getVideoPlaybackQuality().totalVideoFrames"
 # Greyscale statistics of the picture: a video that plays black or grey has hardly any spread.
 SPREAD = """() => {

@@ -6,19 +6,18 @@ import msgspec
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from django.test import Client
-from playwright.sync_api import Page, expect, sync_playwright
+from playwright.sync_api import Page, expect
 
 from robots.models import Robot
 from sessions import wire
 from tests.integration.browser.test_replay import made
-from tests.integration.browser.test_task import guide, tell
 from tests.support import participants as p
 from tests.support.fake_robot_page import FakeRobotPage
 from tests.support.people import person
 from tests.support.photographs import LANGUAGE, keep
 from tests.support.present_robot_page import PresentRobotPage
 from tests.support.study_walk import Walker
-from tests.support.visitor import chromium
+from tests.support.told_task import guide, tell
 from tests.support.words import factsheet
 
 pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
@@ -27,14 +26,6 @@ NAMES = {1280: "desktop", 390: "phone", 844: "landscape"}
 PATIENCE = 60_000  # ms
 # Still life alone: what fades in has every contrast on its way.
 STILL = {"reduced_motion": "reduce"}
-
-
-@pytest.fixture(scope="module")
-def browser():
-    # Playwright's synchronous interface runs an event loop in this thread, which Django takes for asynchronous code.
-    with pytest.MonkeyPatch.context() as patch, sync_playwright() as playwright, chromium(playwright) as browser:
-        patch.setenv("DJANGO_ALLOW_ASYNC_UNSAFE", "1")
-        yield browser
 
 
 @pytest.fixture

@@ -9,9 +9,8 @@ from django.test import Client
 from playwright.sync_api import Page, expect
 
 from robots.models import Robot
-from tests.integration.browser.test_accessibility import browser, driving, opened  # noqa: F401 -- fixtures
+from tests.integration.browser.test_accessibility import driving, opened  # noqa: F401 -- fixtures
 from tests.integration.browser.test_replay import made
-from tests.integration.browser.test_task import guide
 from tests.support import participants as p
 from tests.support.fake_robot_page import FakeRobotPage
 from tests.support.paths import ROOT
@@ -19,6 +18,7 @@ from tests.support.patience import patient
 from tests.support.people import person
 from tests.support.present_robot_page import PresentRobotPage
 from tests.support.study_walk import Walker
+from tests.support.told_task import guide
 from tests.support.words import factsheet
 
 pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]

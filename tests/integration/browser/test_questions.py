@@ -2,14 +2,13 @@
 
 import pytest
 from django.urls import reverse
-from playwright.sync_api import expect, sync_playwright
+from playwright.sync_api import expect
 
 from surveys.models import Answer, Response
 from surveys.questionnaires import current, store
 from surveys.responses import Context, Respondent, begin
 from tests.support.people import person
 from tests.support.questionnaires import NOW, defined, item, rows
-from tests.support.visitor import chromium
 
 pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
 PHONE, DESKTOP = {"width": 390, "height": 844}, {"width": 1280, "height": 800}
@@ -17,14 +16,6 @@ KINDS = [
     item("grid", "g", rows=rows("g1", "g2")), item("single", "s"), item("text", "why", show_if={"item": "s", "is": ["c"]}),
     item("multiple", "m", not_applicable=True), item("slider", "x", step=5), item("number", "n", maximum=5), item("text", "t", prefer_not=True),
 ]  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def browser():
-    # Playwright's synchronous interface runs an event loop in this thread, which Django takes for asynchronous code.
-    with pytest.MonkeyPatch.context() as patch, sync_playwright() as playwright, chromium(playwright) as browser:
-        patch.setenv("DJANGO_ALLOW_ASYNC_UNSAFE", "1")
-        yield browser
 
 
 @pytest.fixture

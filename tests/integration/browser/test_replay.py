@@ -8,7 +8,7 @@ import pytest
 from django.test import Client
 from django.urls import reverse
 from django.utils import timezone
-from playwright.sync_api import expect, sync_playwright
+from playwright.sync_api import expect
 
 from robots.models import Robot
 from sessions.models import StateChunk
@@ -22,28 +22,20 @@ SIZES = {"desktop": {"width": 1280, "height": 800}, "phone": {"width": 390, "hei
 ANYTHING = re.compile(".")
 
 
-@pytest.fixture(autouse=True)
-def database_calls_beside_playwrights_loop(monkeypatch):
-    # Playwright's synchronous interface runs an event loop in this thread, which Django takes for asynchronous code.
-    monkeypatch.setenv("DJANGO_ALLOW_ASYNC_UNSAFE", "1")
-
-
 @pytest.fixture(params=SIZES)
-def page(live_server, request):
+def page(browser, live_server, request):
     client = Client()
     client.force_login(person("owner", is_superuser=True, is_staff=True))
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
-        touch = request.param == "phone"
-        context = browser.new_context(base_url=live_server.url, locale="en", viewport=SIZES[request.param], has_touch=touch, is_mobile=touch)
-        context.add_cookies([{"name": "sessionid", "value": client.cookies["sessionid"].value, "url": live_server.url}])
-        page = context.new_page()
-        page.size = request.param
-        page.problems = []
-        page.on("pageerror", lambda error: page.problems.append(str(error)))
-        page.on("console", lambda message: page.problems.append(message.text) if "Content Security Policy" in message.text else None)
-        yield page
-        browser.close()
+    touch = request.param == "phone"
+    context = browser.new_context(base_url=live_server.url, locale="en", viewport=SIZES[request.param], has_touch=touch, is_mobile=touch)
+    context.add_cookies([{"name": "sessionid", "value": client.cookies["sessionid"].value, "url": live_server.url}])
+    page = context.new_page()
+    page.size = request.param
+    page.problems = []
+    page.on("pageerror", lambda error: page.problems.append(str(error)))
+    page.on("console", lambda message: page.problems.append(message.text) if "Content Security Policy" in message.text else None)
+    yield page
+    context.close()
     assert page.problems == []
 
 

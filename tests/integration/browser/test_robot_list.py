@@ -5,7 +5,7 @@ import datetime
 import pytest
 from django.urls import reverse
 from django.utils import timezone
-from playwright.sync_api import expect, sync_playwright
+from playwright.sync_api import expect
 
 from accounts.models import User
 from robots.models import Robot
@@ -15,23 +15,15 @@ from tests.support.people import PASSWORD, person
 pytestmark = [pytest.mark.browser, pytest.mark.django_db(transaction=True)]
 
 
-@pytest.fixture(autouse=True)
-def database_calls_beside_playwrights_loop(monkeypatch):
-    # Playwright's synchronous interface runs an event loop in this thread, which Django takes for asynchronous code.
-    monkeypatch.setenv("DJANGO_ALLOW_ASYNC_UNSAFE", "1")
-
-
 @pytest.fixture
-def page(live_server):
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
-        context = browser.new_context(base_url=live_server.url, locale="en", viewport={"width": 390, "height": 844})
-        page = context.new_page()
-        page.problems = []
-        page.on("pageerror", lambda error: page.problems.append(str(error)))
-        page.on("console", lambda message: page.problems.append(message.text) if "Content Security Policy" in message.text else None)
-        yield page
-        browser.close()
+def page(browser, live_server):
+    context = browser.new_context(base_url=live_server.url, locale="en", viewport={"width": 390, "height": 844})
+    page = context.new_page()
+    page.problems = []
+    page.on("pageerror", lambda error: page.problems.append(str(error)))
+    page.on("console", lambda message: page.problems.append(message.text) if "Content Security Policy" in message.text else None)
+    yield page
+    context.close()
 
 
 @pytest.fixture

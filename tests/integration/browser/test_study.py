@@ -1,6 +1,6 @@
 """A study for real, from the link to the thanks: newcomers in Chromium, a simulated robot, a real broker, and nobody who helps.
 
-A short course at the sizes of a desktop and of a phone; the paper's whole course at both sizes, whatever door is closed, is a matter of endurance.
+A short course at the size of a desktop; a phone, and the paper's whole course whatever door is closed, are a matter of endurance.
 """
 
 import json
@@ -20,8 +20,8 @@ SIZES = {
     "phone": {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True, "device_scale_factor": 2},
 }
 CONDITIONS = ("giraff_open", "giraff_lab_closed", "giraff_lounge_closed")
-SHORT = [("desktop", "giraff_lounge_closed", True), ("phone", "giraff_open", True)]
-WHOLE = [pytest.param(size, condition, False, marks=pytest.mark.soak) for size in SIZES for condition in CONDITIONS]
+SHORT = [("desktop", "giraff_lounge_closed", True)]
+ENDURANCE = [("phone", "giraff_open", True), *((size, condition, False) for size in SIZES for condition in CONDITIONS)]
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +106,7 @@ def hands_for(page: Page, size: str) -> Keys | Finger:
 
 
 @pytest.mark.usefixtures("giraff")
-@pytest.mark.parametrize(("size", "condition", "short"), SHORT + WHOLE)
+@pytest.mark.parametrize(("size", "condition", "short"), [*SHORT, *(pytest.param(*one, marks=pytest.mark.soak) for one in ENDURANCE)])
 def test_a_newcomer_goes_from_the_link_to_the_thanks_and_comes_again(site, visitor, size, condition, short):
     slug = publish(site, condition, short=short)
     nora = visitor(**SIZES[size])

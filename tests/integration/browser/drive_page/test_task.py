@@ -1,33 +1,20 @@
 """A study's task on the drive page, in a real Chromium: what a participant sees, can press, and what is written down of it."""
 
 import io
-import json
-import time
-from collections.abc import AsyncIterator
 
 import pytest
 from PIL import Image
-from playwright.async_api import Browser, Page, async_playwright, expect
+from playwright.async_api import Page, expect
 
-from experiments import task_page
-from experiments.shipped import shipped
-from robots.agent.world.sites import load_plan
 from robots.api.messages import Photo
 from sessions import wire
-from tests.integration.browser.test_drive_page_alone import LOW, UPRIGHT, WIDE, hold, opened
-from tests.integration.browser.test_drive_page_alone import until as until_within
-from tests.support.browser_page import CHROMIUM, FLAGS
-from tests.support.fake_robot_page import STEP, FakeRobotPage
+from tests.support.drive_page import LOW, UPRIGHT, WIDE, hold, opened
+from tests.support.drive_page import until as until_within
+from tests.support.fake_robot_page import FakeRobotPage
+from tests.support.told_task import guide, tell
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 PATIENCE = 60_000  # ms: the page's own seconds are slow on a busy computer
-
-
-def guide(**changes):
-    study = shipped()["exploration"]
-    plan, _ = load_plan("office")
-    told = task_page.guide(study, study.task, [study.condition("giraff_open")], plan, language="en", step_url=STEP)
-    return json.loads(json.dumps({**told, **changes}))
 
 
 @pytest.fixture
@@ -36,24 +23,12 @@ def site():
         yield fake
 
 
-@pytest.fixture
-async def browser() -> AsyncIterator[Browser]:
-    async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=CHROMIUM, headless=True, args=FLAGS)
-        yield browser
-        await browser.close()
-
-
 async def until(condition):
     return await until_within(condition, PATIENCE / 1000)
 
 
 async def driving(page: Page) -> None:
     await page.wait_for_selector("#cockpit[data-playing][data-link=live]", timeout=PATIENCE)
-
-
-def tell(site: FakeRobotPage, cue: str, **fields) -> None:
-    site.tell("session/task", wire.Task(session=site.session, stamp=time.time(), cue=cue, **fields))
 
 
 def written(site: FakeRobotPage, kind: str) -> list[dict]:

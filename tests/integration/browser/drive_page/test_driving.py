@@ -1,89 +1,15 @@
 """The drive page in a real Chromium, against a robot that can be cut off, muted and made deaf at will."""
 
-import asyncio
 import time
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
-from typing import Any
 
 import pytest
-from playwright.async_api import Browser, Page, async_playwright
 
-from robots.api.messages import Stop, VelocityCommand
+from robots.api.messages import VelocityCommand
 from sessions import wire
-from tests.support.browser_page import CHROMIUM, FLAGS
-from tests.support.fake_robot_page import FakeRobotPage
-from tests.support.patience import HELD, patient
+from tests.support.drive_page import LOW, UPRIGHT, WIDE, driving, hold, opened, stands, stops, until
 
-pytestmark = pytest.mark.browser
-WIDE, UPRIGHT, LOW = (1280, 800), (390, 844), (844, 390)
+pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 HELD_UP = {"stale", "frame_stale", "old_seq"}  # why a robot refuses what was under way for a while, and what was overtaken on the other way meanwhile
-
-
-@pytest.fixture
-def site():
-    with FakeRobotPage() as fake:
-        yield fake
-
-
-@pytest.fixture
-async def browser() -> AsyncIterator[Browser]:
-    async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=CHROMIUM, headless=True, args=FLAGS)
-        yield browser
-        await browser.close()
-
-
-@asynccontextmanager
-async def opened(browser: Browser, site: FakeRobotPage, size: tuple[int, int] = WIDE, *, query: str = "") -> AsyncIterator[Page]:
-    """Open the page; what it complains about, its content policy included, fails the test."""
-    touch = size != WIDE
-    context = await browser.new_context(viewport={"width": size[0], "height": size[1]}, has_touch=touch, is_mobile=touch)
-    page = await context.new_page()
-    complaints: list[str] = []
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.on("console", lambda line: complaints.append(line.text) if line.type == "error" and "WebSocket connection" not in line.text else None)
-    await page.goto(site.url + query)
-    yield page
-    await context.close()
-    assert complaints == []
-
-
-async def driving(page: Page) -> None:
-    await page.wait_for_selector("#cockpit[data-playing][data-link=live]", timeout=40_000)
-
-
-async def until(condition: Callable[[], Any], seconds: float = 10.0) -> Any:
-    """Wait for a condition and return what it gave."""
-    deadline = time.monotonic() + patient(seconds)
-    while not (found := condition()):
-        assert time.monotonic() < deadline, "nothing of the kind happened"
-        await asyncio.sleep(0.02)
-    return found
-
-
-async def hold(page: Page, key: str, condition: Callable[[], Any], seconds: float = 10.0) -> Any:
-    """Hold a key until a condition gives something, and on; return that. A link that is replaced lets go of every key, and people press again."""
-    deadline = time.monotonic() + patient(seconds)
-    while True:
-        await page.keyboard.down(key)
-        again = time.monotonic() + HELD
-        while time.monotonic() < again:
-            if found := condition():
-                return found
-            await asyncio.sleep(0.02)
-        assert time.monotonic() < deadline, f"nothing of the kind happened while {key} was held"
-        await page.keyboard.up(key)
-
-
-def stops(site: FakeRobotPage, way: str | None = None) -> list[Stop]:
-    return [action for action in site.said("command/action", way) if isinstance(action, Stop)]
-
-
-def stands(site: FakeRobotPage) -> bool:
-    """Whether the page said so last, which the robot may be held up for too long to believe, and it is so."""
-    last, motion = site.said("command/velocity")[-1], site.simulation.motion
-    return last.linear == last.angular == motion.linear == motion.angular == 0.0
 
 
 async def test_one_click_shows_the_robots_view_and_a_held_key_drives_it_over_the_data_channel(browser, site):

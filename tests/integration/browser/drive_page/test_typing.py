@@ -5,17 +5,17 @@ from collections.abc import AsyncIterator
 from dataclasses import dataclass
 
 import pytest
-from playwright.async_api import Browser, Page, async_playwright, expect
+import pytest_asyncio
+from playwright.async_api import Page, expect
 
 from robots.api.messages import Words
-from tests.integration.browser.test_drive_page_alone import driving, hold, stands, stops, until
-from tests.support.browser_page import CHROMIUM, FLAGS
+from tests.support.drive_page import driving, hold, stands, stops, until
 from tests.support.firefox import firefox
 from tests.support.patience import patient
 from tests.support.present_robot_page import CAPABILITIES, PresentRobotPage
 from tests.support.site import wait_for
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 TEXT = "Hello, is anybody there?"
 # Every key that drives, tilts, talks or changes the speed.
 WORKING = ["w", "a", "s", "d", "ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "r", "f", "t", "=", "-", "/", "]"]
@@ -54,17 +54,14 @@ def site():
         yield fake
 
 
-@pytest.fixture
-async def chromium() -> AsyncIterator[Browser]:
-    async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=CHROMIUM, headless=True, args=[*FLAGS, *FAKE])
-        yield browser
-        await browser.close()
+@pytest.fixture(scope="module")
+def flags() -> list[str]:
+    return FAKE
 
 
-@pytest.fixture
-async def page(chromium, site) -> AsyncIterator[Page]:
-    context = await chromium.new_context(viewport={"width": 1280, "height": 800}, permissions=["microphone"])
+@pytest_asyncio.fixture(loop_scope="module")
+async def page(browser, site) -> AsyncIterator[Page]:
+    context = await browser.new_context(viewport={"width": 1280, "height": 800}, permissions=["microphone"])
     page = await context.new_page()
     complaints: list[str] = []
     page.on("pageerror", lambda error: complaints.append(str(error)))

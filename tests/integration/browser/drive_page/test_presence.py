@@ -4,22 +4,20 @@ import asyncio
 import math
 import struct
 import wave
-from collections.abc import AsyncIterator
 from pathlib import Path
 
 import pytest
 from axe_playwright_python.async_playwright import Axe
-from playwright.async_api import Browser, Page, async_playwright
+from playwright.async_api import Browser, Page
 
 from robots.api import messages as m
-from tests.integration.browser.test_drive_page_alone import driving, hold, until
-from tests.support.browser_page import CHROMIUM, FLAGS
+from tests.support.drive_page import driving, hold, until
 from tests.support.paths import ROOT
 from tests.support.patience import patient
 from tests.support.photographs import kept
 from tests.support.present_robot_page import PresentRobotPage
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 HERTZ = 880.0
 FAKE = ["--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream", "--auto-select-tab-capture-source-by-title=Giraff"]
 # Chromium's fake camera is green all over, but for a pie and a counter.
@@ -67,13 +65,9 @@ def tone(path: Path) -> Path:
     return path
 
 
-@pytest.fixture
-async def chromium(tmp_path) -> AsyncIterator[Browser]:
-    async with async_playwright() as playwright:
-        flags = [*FLAGS, *FAKE, f"--use-file-for-fake-audio-capture={tone(tmp_path / 'tone.wav')}"]
-        browser = await playwright.chromium.launch(executable_path=CHROMIUM, headless=True, args=flags)
-        yield browser
-        await browser.close()
+@pytest.fixture(scope="module")
+def flags(tmp_path_factory) -> list[str]:
+    return [*FAKE, f"--use-file-for-fake-audio-capture={tone(tmp_path_factory.mktemp('sound') / 'tone.wav')}"]
 
 
 async def opened(browser: Browser, address: str, complaints: list[str], **context) -> Page:
@@ -106,9 +100,9 @@ def is_green(colour) -> bool:
     return green > 60 and green > red + 30 and green > blue + 30
 
 
-async def test_voice_and_face_reach_the_robots_loudspeaker_and_its_screen_and_words_go_both_ways(chromium, site) -> None:
+async def test_voice_and_face_reach_the_robots_loudspeaker_and_its_screen_and_words_go_both_ways(browser, site) -> None:
     complaints: list[str] = []
-    page = await drives(chromium, site, complaints, permissions=["microphone", "camera"])
+    page = await drives(browser, site, complaints, permissions=["microphone", "camera"])
     assert site.speaker.played == 0, "nothing is sent before a click"
 
     # The robot's own outputs, while it has no screen.
@@ -119,7 +113,7 @@ async def test_voice_and_face_reach_the_robots_loudspeaker_and_its_screen_and_wo
     await page.wait_for_selector("#presence-note[data-sending] >> text=They see and hear you.")
 
     # Its screen, which takes over.
-    screen = await opened(chromium, site.screen_url, complaints)
+    screen = await opened(browser, site.screen_url, complaints)
     await screen.wait_for_selector("#face[data-scene=seen][data-live]")
     assert is_green(await evaluated(screen, COLOUR, is_green))
     heard = await evaluated(screen, TONE, lambda found: abs(found["hertz"] - HERTZ) < 15 and found["level"] > -60)
@@ -177,13 +171,13 @@ async def test_voice_and_face_reach_the_robots_loudspeaker_and_its_screen_and_wo
     assert complaints == []
 
 
-async def test_the_screen_answers_first_where_the_owner_wants_it_and_stops_the_robot(chromium, site) -> None:
+async def test_the_screen_answers_first_where_the_owner_wants_it_and_stops_the_robot(browser, site) -> None:
     complaints: list[str] = []
     site.calls.rule = "ask"
     site.is_study = True
-    screen = await opened(chromium, site.screen_url, complaints)
+    screen = await opened(browser, site.screen_url, complaints)
     await screen.wait_for_selector("text=I am Giraff")
-    page = await drives(chromium, site, complaints, permissions=["microphone", "camera"])
+    page = await drives(browser, site, complaints, permissions=["microphone", "camera"])
     await screen.wait_for_selector("text=A study is under way.")
     await kept(screen, "screen-study")
     await page.click("#presence-camera")
@@ -210,11 +204,11 @@ async def test_the_screen_answers_first_where_the_owner_wants_it_and_stops_the_r
     assert complaints == []
 
 
-async def test_the_robots_own_page_gives_picture_and_sound_where_the_robot_has_none(chromium) -> None:
+async def test_the_robots_own_page_gives_picture_and_sound_where_the_robot_has_none(browser) -> None:
     complaints: list[str] = []
     with PresentRobotPage(from_page=True) as site:
-        await opened(chromium, site.screen_url, complaints)
-        ana = await drives(chromium, site, complaints)
+        await opened(browser, site.screen_url, complaints)
+        ana = await drives(browser, site, complaints)
         await evaluated(ana, COLOUR, is_green)
         await until(lambda: site.media.camera.status == site.media.microphone.status == "live")
         assert (await asyncio.to_thread(site.media.snapshot)).width >= 320
@@ -295,9 +289,9 @@ async def shown(browser: Browser, site: PresentRobotPage, complaints: list[str],
     return page, screen
 
 
-async def test_what_either_side_points_at_is_seen_at_the_same_place_of_the_picture_at_both_ends_and_goes_away(chromium, site) -> None:
+async def test_what_either_side_points_at_is_seen_at_the_same_place_of_the_picture_at_both_ends_and_goes_away(browser, site) -> None:
     complaints: list[str] = []
-    page, screen = await shown(chromium, site, complaints)
+    page, screen = await shown(browser, site, complaints)
     assert await page.get_attribute("#shared", "hidden") is None
     assert await screen.evaluate("() => getComputedStyle(document.querySelector('#video')).objectFit") == "contain"
     before = len(site.applied)
@@ -339,9 +333,9 @@ async def test_what_either_side_points_at_is_seen_at_the_same_place_of_the_pictu
     assert complaints == []
 
 
-async def test_bars_are_no_picture_keys_drive_on_and_dots_find_another_way_until_nothing_is_shown(chromium, site) -> None:
+async def test_bars_are_no_picture_keys_drive_on_and_dots_find_another_way_until_nothing_is_shown(browser, site) -> None:
     complaints: list[str] = []
-    page, screen = await shown(chromium, site, complaints)
+    page, screen = await shown(browser, site, complaints)
     before, counted = len(site.applied), len(site.pointed)
     box = await screen.locator("#video").bounding_box()
     await screen.mouse.click(box["x"] + box["width"] / 2, box["y"] + 5)
@@ -365,9 +359,9 @@ async def test_bars_are_no_picture_keys_drive_on_and_dots_find_another_way_until
 
 
 @pytest.mark.parametrize("size", [(1280, 800), (1024, 560), (390, 844), (844, 390)])
-async def test_what_they_see_lies_neither_over_the_way_ahead_nor_over_anything_to_press(chromium, site, size) -> None:
+async def test_what_they_see_lies_neither_over_the_way_ahead_nor_over_anything_to_press(browser, site, size) -> None:
     complaints: list[str] = []
-    page, _ = await shown(chromium, site, complaints, reduced_motion="reduce")
+    page, _ = await shown(browser, site, complaints, reduced_motion="reduce")
     await page.set_viewport_size({"width": size[0], "height": size[1]})
     await evaluated(page, LAID, lambda apart: apart < 1.0)
     at = (0.75, 0.25)
@@ -386,17 +380,9 @@ async def test_what_they_see_lies_neither_over_the_way_ahead_nor_over_anything_t
     assert complaints == []
 
 
-@pytest.fixture
-async def refusing() -> AsyncIterator[Browser]:
-    async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=CHROMIUM, headless=True, args=FLAGS)
-        yield browser
-        await browser.close()
-
-
-async def test_without_camera_or_microphone_there_is_a_next_step_and_driving_goes_on(refusing, site) -> None:
+async def test_without_camera_or_microphone_there_is_a_next_step_and_driving_goes_on(browser, site) -> None:
     complaints: list[str] = []
-    page = await drives(refusing, site, complaints)
+    page = await drives(browser, site, complaints)
     # A computer without a microphone; then one whose owner has said no.
     for kind, name, sentence in [
         ("mic", "NotFoundError", "No microphone was found. Plug one in and ask again, or write to them."),
@@ -427,9 +413,9 @@ async def drives_on(page: Page, site: PresentRobotPage) -> bool:
     return False
 
 
-async def test_a_photo_is_taken_shown_and_kept(refusing, site) -> None:
+async def test_a_photo_is_taken_shown_and_kept(browser, site) -> None:
     complaints: list[str] = []
-    page = await drives(refusing, site, complaints)
+    page = await drives(browser, site, complaints)
     await page.click("#presence-photo")
     photo = await until(lambda: next((one for one in site.asked if isinstance(one, m.Photo)), None))
     site.photos[photo.action_id] = (ROOT / "static/img/screens/drive-wide.webp").read_bytes()

@@ -5,14 +5,14 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 import pytest
-from playwright.async_api import Page, async_playwright
+import pytest_asyncio
+from playwright.async_api import Page
 
 from sessions import wire
-from tests.integration.browser.test_drive_page_alone import driving, hold, stops, until
-from tests.support.browser_page import CHROMIUM, FLAGS
+from tests.support.drive_page import driving, hold, stops, until
 from tests.support.fake_robot_page import FakeRobotPage
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 KNOWN = ("fps", "glass", "trip_direct", "trip_server", "age", "refused", "loss", "jitter", "rate", "freezes", "size", "path")
 FIGURES = """() => Object.fromEntries([...document.querySelectorAll(".figure")].map((cell) => [cell.dataset.figure, cell.querySelector("span").textContent]))"""
 WAY = """() => {
@@ -22,20 +22,10 @@ WAY = """() => {
 }"""
 
 
-@pytest.fixture
-def site():
-    with FakeRobotPage() as fake:
-        yield fake
-
-
-@pytest.fixture
-async def page(site) -> AsyncIterator[Page]:
-    async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=CHROMIUM, headless=True, args=FLAGS)
-        context = await browser.new_context(viewport={"width": 1280, "height": 800}, permissions=["clipboard-read", "clipboard-write"])
-        page = await context.new_page()
-        yield page
-        await browser.close()
+@pytest_asyncio.fixture(loop_scope="module")
+async def page(browser) -> Page:
+    context = await browser.new_context(viewport={"width": 1280, "height": 800}, permissions=["clipboard-read", "clipboard-write"])
+    return await context.new_page()
 
 
 def shown(site: FakeRobotPage) -> list[str]:

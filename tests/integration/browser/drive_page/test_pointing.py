@@ -2,23 +2,21 @@
 
 import math
 import time
-from collections.abc import AsyncIterator
 
 import pytest
-from playwright.async_api import Browser, Page, async_playwright
+from playwright.async_api import Page
 
 from robots.agent.permissions import Sender
 from robots.agent.world.sites import load_plan
 from robots.api.geometry import wrap_angle
 from robots.api.messages import Stop
-from tests.integration.browser.test_drive_page_alone import UPRIGHT, WIDE, hold, opened, stands, stops
-from tests.integration.browser.test_drive_page_alone import until as until_within
-from tests.support.browser_page import CHROMIUM, FLAGS
+from tests.support.drive_page import UPRIGHT, WIDE, hold, opened, stands, stops
+from tests.support.drive_page import until as until_within
 from tests.support.fake_robot_page import FakeRobotPage
 from tests.support.patience import patient
 from tests.support.scene_source import SceneSource
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 PATIENCE = 40.0  # s: the page's own seconds are slow on a busy computer
 PAD = """() => {
     const pad = { index: 0, id: "stub", mapping: "standard", axes: [0, 0, 0, 0], buttons: Array.from({ length: 17 }, () => ({ pressed: false })) };
@@ -26,14 +24,6 @@ PAD = """() => {
     navigator.getGamepads = () => [pad];
     window.dispatchEvent(Object.assign(new Event("gamepadconnected"), { gamepad: pad }));
 }"""
-
-
-@pytest.fixture
-async def browser() -> AsyncIterator[Browser]:
-    async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=CHROMIUM, headless=True, args=FLAGS)
-        yield browser
-        await browser.close()
 
 
 def site_at(start: str) -> FakeRobotPage:

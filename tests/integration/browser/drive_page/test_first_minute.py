@@ -2,34 +2,19 @@
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import Callable
 
 import pytest
-from playwright.async_api import Browser, Page, async_playwright
+from playwright.async_api import Browser, Page
 
 from sessions import wire
-from tests.integration.browser.test_drive_page_alone import driving, hold, opened, until
+from tests.support.drive_page import driving, hold, opened, until
 from tests.support.fake_robot_page import PRACTICE, FakeRobotPage
 from tests.support.patience import patient
 from tests.support.picture_server import jpeg_of
-from tests.support.visitor import CHROMIUM, FLAGS
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 INSTAGRAM = "Mozilla/5.0 (iPhone; CPU iPhone OS 15_0 like Mac OS X) AppleWebKit/605.1.15 (KHTML, like Gecko) Mobile/15E148 Instagram 334.0"
-
-
-@pytest.fixture
-def site() -> Iterator[FakeRobotPage]:
-    with FakeRobotPage() as fake:
-        yield fake
-
-
-@pytest.fixture
-async def browser() -> AsyncIterator[Browser]:
-    async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=CHROMIUM, headless=True, args=FLAGS)
-        yield browser
-        await browser.close()
 
 
 async def said_until_shown(page: Page, card: str, say: Callable[[], None]) -> None:
