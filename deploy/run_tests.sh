@@ -17,7 +17,11 @@ side_by_side() { pytest --dist loadfile --no-loadscope-reorder -n "$@"; }
 unit() { side_by_side logical tests/unit; }
 servers() { side_by_side "$cores" -m "$1" tests/integration --ignore tests/integration/browser; }
 browsers() { side_by_side "$cores" -m "$1" tests/integration/browser; }
-timing() { pytest -m "$1" tests/timing; }
+# Of these, what waits for other programs has room for another beside it, and a browser has not.
+timing() {
+    side_by_side 2 --dist worksteal -m "$1" tests/timing/robots
+    pytest -m "$1" tests/timing/browser
+}
 
 lint() {
     step "ruff"
@@ -65,7 +69,7 @@ case "${1:-test}" in
         step "unit"
         unit
         together "integration" servers "not soak" browsers "not soak"
-        step "timing: alone on the computer"
+        step "timing: nothing else is on the computer"
         timing "not soak"
         ;;
     soak)

@@ -65,3 +65,8 @@ def stands(site: FakeRobotPage) -> bool:
     """Whether the page said so last, which the robot may be held up for too long to believe, and it is so."""
     last, motion = site.said("command/velocity")[-1], site.simulation.motion
     return last.linear == last.angular == motion.linear == motion.angular == 0.0
+
+
+def moves(site: FakeRobotPage) -> int:
+    """Return how many commands to move the page has said."""
+    return sum(1 for command in site.said("command/velocity") if command.linear or command.angular)

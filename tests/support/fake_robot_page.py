@@ -47,7 +47,7 @@ STEP = "/study/step/"  # where a study goes on
 PRACTICE = "/practice/robot/"
 TICK = 0.02
 RENEWAL = 500  # ticks
-FPS = 10.0  # of the robot's camera: what a computer without a graphics card plays beside other tests
+FPS = 6.0  # of the robot's camera: what a computer without a graphics card plays beside other tests
 POLICY = "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; media-src 'self' blob:; connect-src 'self'; object-src 'none'"
 
 

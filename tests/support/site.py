@@ -225,10 +225,10 @@ class Site:
     def start_robot(self, name: str, *simulator: str, agent: tuple[str, ...] = ()) -> Onlooker:
         """Start a simulated robot and its agent, each with these arguments in a process of its own, and return who sees the truth of it.
 
-        Its camera has ten pictures a second unless they say otherwise: more costs a computer without a graphics card a core for each browser.
+        Its camera has six pictures a second unless they say otherwise: more costs a computer without a graphics card a core for each browser.
         """
         port = free_port()
-        simulator = ("--fps", "10", *simulator)
+        simulator = ("--fps", "6", *simulator)
         self.start(f"{name}-simulator", ["-m", "robots.agent.simulator", "--profile", name, "--listen", f"{LOOPBACK}:{port}", *simulator])
         self.start(name, ["manage.py", "run_robot", name, "--var", str(self.var), "--option", f"address={LOOPBACK}:{port}", *agent])
         wait_for(lambda: self.robot_is_online(name), 30, f"{name} online")

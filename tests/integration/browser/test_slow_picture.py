@@ -54,7 +54,7 @@ def site(computer, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def giraff(site):
-    return site.start_robot("giraff", "--start", "lab-before-door", "--seed", "3", "--fps", "30")
+    return site.start_robot("giraff", "--start", "lab-before-door", "--seed", "3", "--fps", "10")
 
 
 def wait_for_slow_picture(visitor):
@@ -94,6 +94,7 @@ def test_a_visitor_without_a_direct_way_sees_a_slow_picture_and_drives_by_it(sit
     assert max(second["fps"] for second in slow) > 2
 
 
+@pytest.mark.soak
 def test_firefox_without_a_direct_way_drives_by_the_slow_picture_as_well(site, giraff):
     with firefox() as browser:
         browser.set_cookie("sessionid", site.sign_in("fiona"), LOOPBACK)

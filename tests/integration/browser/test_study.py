@@ -32,7 +32,7 @@ def site(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def giraff(site):
-    robot = site.start_robot("giraff", "--start", "dock", "--seed", "3", "--fps", "10")
+    robot = site.start_robot("giraff", "--start", "dock", "--seed", "3")
     wait_for(lambda: site.rows("SELECT 1 FROM robots_robot WHERE name = 'giraff' AND factsheet IS NOT NULL"), 20, "the factsheet")
     return robot
 

@@ -18,7 +18,7 @@ DOCK, CORRIDOR = CarryTo(0.5, 6.3, 3.14159), CarryTo(8.6, 4.4, 1.57)
 @pytest.fixture(scope="module")
 def hands(site):
     """Somebody at the robot, who may carry it."""
-    giraff = site.start_robot("giraff", "--start", "corridor-centre", "--seed", "3", "--fps", "6")
+    giraff = site.start_robot("giraff", "--start", "corridor-centre", "--seed", "3")
     return Fate(giraff.port)
 
 

@@ -14,7 +14,7 @@ from tests.support.postgres import running_postgres
 
 pytestmark = pytest.mark.long
 
-ROUNDS = [100, pytest.param(10_000, marks=pytest.mark.soak)]
+ROUNDS = [30, pytest.param(10_000, marks=pytest.mark.soak)]
 RUNNER = """
 import json, sys
 import django

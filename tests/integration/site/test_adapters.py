@@ -197,6 +197,7 @@ def holds_the_key(page, site, robot, reached, what) -> None:
             page.wait_for_timeout(50)
 
 
+@pytest.mark.soak
 def test_in_a_real_browser_too(site, tmp_path):
     with robot_behind("moos", site, tmp_path) as robot, sync_playwright() as playwright, chromium(playwright) as browser:
         visitor = Visitor(browser, site, "visitor-in-chromium").drive(robot.series)

@@ -39,10 +39,13 @@ def test_a_port_that_is_none_is_refused_in_one_sentence(tmp_path, port):
     assert "PORT must be a number" in running.said()
 
 
-ENDINGS = [(signal.SIGINT, True), (signal.SIGTERM, False)]
+ENDINGS = [
+    pytest.param(signal.SIGINT, True, id="Ctrl-C in the background"),
+    pytest.param(signal.SIGTERM, False, id="SIGTERM", marks=pytest.mark.soak),
+]
 
 
-@pytest.mark.parametrize(("number", "background"), ENDINGS, ids=["Ctrl-C in the background", "SIGTERM"])
+@pytest.mark.parametrize(("number", "background"), ENDINGS)
 def test_the_link_opens_the_robot_and_the_end_leaves_no_process_behind_and_a_second_start_keeps_the_data(tmp_path, number, background):
     port = free_port()
     with demo(tmp_path, "--port", str(port), background=background) as running:

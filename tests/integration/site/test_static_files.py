@@ -58,11 +58,8 @@ def test_a_browser_is_sent_what_was_written_and_tested_but_for_the_names_of_what
         assert HASH.sub("", path.read_text()) == (ROOT / "static" / plain).read_text(), plain
 
 
-def test_every_script_is_read_by_node_and_lies_there_compressed(collected):
-    for plain, path in modules_of(collected).items():
-        kind = "commonjs" if plain == "js/boot.js" else "module"
-        checked = subprocess.run(["node", f"--input-type={kind}", "--check"], input=path.read_text(), capture_output=True, text=True, check=False)
-        assert checked.returncode == 0, f"{plain}: {checked.stderr}"
+def test_every_script_lies_there_compressed(collected):
+    for path in modules_of(collected).values():
         copy = path.with_name(f"{path.name}.gz")
         assert not copy.exists() or gzip.decompress(copy.read_bytes()) == path.read_bytes()
 

@@ -9,11 +9,9 @@ import pytest_asyncio
 from playwright.async_api import Page, expect
 
 from robots.api.messages import Words
-from tests.support.drive_page import driving, hold, stands, stops, until
-from tests.support.firefox import firefox
+from tests.support.drive_page import driving, hold, moves, stands, stops, until
 from tests.support.patience import patient
 from tests.support.present_robot_page import CAPABILITIES, PresentRobotPage
-from tests.support.site import wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 TEXT = "Hello, is anybody there?"
@@ -72,11 +70,6 @@ async def page(browser, site) -> AsyncIterator[Page]:
     yield page
     await context.close()
     assert complaints == []
-
-
-def moves(site) -> int:
-    """Return how many commands to move the page has said."""
-    return sum(1 for command in site.said("command/velocity") if command.linear or command.angular)
 
 
 def ids(actions) -> set[str]:
@@ -209,23 +202,3 @@ async def test_a_message_that_comes_takes_neither_the_keys_nor_a_menu_away(page,
     comes("Are you there?")
     await page.wait_for_selector("#talk-list >> text=Are you there?")
     await drives(page, site)
-
-
-def test_firefox_writes_what_is_typed_at_once_after_write_and_does_not_drive_by_it(site):
-    middle = "(() => { const box = document.querySelector('#presence-talk').getBoundingClientRect(); return [box.x + box.width / 2, box.y + box.height / 2]; })()"
-    with firefox() as browser:
-        browser.goto(f"{site.url}?go=1")
-        wait_for(lambda: browser.evaluate("document.querySelector('#cockpit').matches('[data-playing][data-link=live]')"), 40, "a picture in Firefox")
-        wait_for(lambda: browser.evaluate("document.querySelector('#presence-talk').checkVisibility()"), 10, "a button to write")
-        for _ in range(2):
-            moved, tilt = moves(site), site.tilt
-            browser.click(*browser.evaluate(middle))
-            for letter in TEXT:
-                browser.key("keyDown", letter)
-                browser.key("keyUp", letter)
-            assert browser.evaluate("document.querySelector('#talk-field').value") == TEXT
-            assert (moves(site), site.tilt) == (moved, tilt)
-            browser.key("keyDown", "\ue007")
-            browser.key("keyUp", "\ue007")
-            wait_for(lambda: browser.evaluate("document.querySelector('#talk-writing').hidden"), 5, "a field that is closed")
-        browser.hold("a", lambda moved=moved: moves(site) > moved, 10, "keys that drive")
