@@ -2,12 +2,14 @@
 
 Copies overtake each other: a server that reconnects repeats what it last knew, a broker delivers what it has stored. So only a
 newer renewal of the same grant, or a higher epoch, changes anything; and a stored copy (`retained`) tells who is about to drive but
-never lets anybody.
+never lets anybody. One thing needs no newer renewal: to lower a limit. That holds from its receipt on, and prolongs nothing.
 """
 
 from dataclasses import dataclass
 
-from robots.api.messages import Lease
+import msgspec
+
+from robots.api.messages import Lease, LeaseLimits
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class LeaseKeeper:
     def take(self, lease: Lease, *, retained: bool, now: float) -> bool:
         """Take a lease from the server; return False when it is older than what is known, and changes nothing."""
         if not self._is_news(lease, retained=retained, now=now):
-            return False
+            return not retained and self._lowers(lease)
         repeats_live_grant = retained and self._same_grant(lease) and self.live(now) is not None
         if not repeats_live_grant:
             self._lease, self._received, self._permits = lease, now, not retained
@@ -59,6 +61,16 @@ class LeaseKeeper:
         self.clear()
         return lapsed
 
+    def _lowers(self, lease: Lease) -> bool:
+        """Take over the limits of a repetition of the lease where they are stricter; return whether any was."""
+        held = self._lease
+        if held is None or not self._same_grant(lease) or lease.renewal != held.renewal:
+            return False
+        strictest = stricter_of(held.limits, lease.limits)
+        changed = strictest != held.limits
+        self._lease = msgspec.structs.replace(held, limits=strictest)
+        return changed
+
     def _same_grant(self, lease: Lease) -> bool:
         return self._lease is not None and (self._lease.session, self._lease.epoch) == (lease.session, lease.epoch)
 
@@ -71,3 +83,12 @@ class LeaseKeeper:
             return lease.renewal > newest.renewal or (retained and lease.renewal == newest.renewal and self.live(now) is None)
         # A lower epoch: late, unless the server's counter began anew, which its own clock then shows.
         return self.live(now) is None and lease.stamp > newest.stamp
+
+
+def stricter_of(one: LeaseLimits, other: LeaseLimits) -> LeaseLimits:
+    """Return the smaller of each limit; None is no limit."""
+    smaller = {}
+    for name in LeaseLimits.__struct_fields__:
+        stated = [limit for limit in (getattr(one, name), getattr(other, name)) if limit is not None]
+        smaller[name] = min(stated, default=None)
+    return LeaseLimits(**smaller)

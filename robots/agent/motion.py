@@ -7,6 +7,9 @@ from robots.api.messages import AssistLevel, LeaseLimits, Limits, Velocity
 
 ZERO = Velocity(linear=0.0, angular=0.0)
 
+# How long a robot that nobody steers any more may go on, in seconds.
+LONGEST_DEADMAN = 1.0
+LONGEST_WATCHDOG = 2.0
 # With assistance the robot keeps this much room (m) and never asks the visitor to creep slower than this (m/s).
 ASSIST_MARGIN = 0.05
 ASSIST_CREEP = 0.1
@@ -69,3 +72,22 @@ def approach(value: float, target: float, acceleration: float, braking: float, *
         # Reversing: what is left of the time after standing still goes into the other direction.
         return approach(0.0, target, acceleration, braking, dt=dt, dt_up=max(0.0, dt_up - speed / braking))
     return sign * min(goal, speed + acceleration * dt_up)
+
+
+def check_times(watchdog: float, limits: Limits) -> None:
+    """See to it that a robot which nobody steers any more stops soon, by one of two: the agent's deadman, then the base's watchdog.
+
+    Args:
+        watchdog: seconds after which the base stops by itself.
+        limits: with the deadman, the seconds of silence after which the agent brakes.
+
+    Raises:
+        ValueError: one of them is too long, or the watchdog would strike first; one sentence.
+    """
+    deadman = limits.deadman
+    if not deadman <= LONGEST_DEADMAN:
+        raise ValueError(f"a deadman of {deadman:g} s is too long: the agent brakes at most {LONGEST_DEADMAN:g} s after the last command")
+    if not watchdog <= LONGEST_WATCHDOG:
+        raise ValueError(f"a watchdog of {watchdog:g} s is too long: the base has to stop at most {LONGEST_WATCHDOG:g} s after the last velocity")
+    if not watchdog >= deadman:
+        raise ValueError(f"a watchdog of {watchdog:g} s is shorter than the deadman of {deadman:g} s: the base would stop between two commands")

@@ -283,7 +283,7 @@ class Pilot:
     def _heartbeat(self, peer: str, beat: CommandHeartbeat, sender: Sender) -> None:
         now = self._times.now()
         self._kernel.clocks.heard(peer, sender.way, beat, now=now, unix=self._times.unix())
-        self._kernel.heard(peer, now)
+        self._kernel.heard(peer, sender.way, now)
 
     def _point(self, peer: str, command: PointCommand, sender: Sender) -> None:
         """Pass on where one side points; neither the kernel nor the record has to do with it."""

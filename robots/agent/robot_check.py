@@ -17,10 +17,9 @@ from typing import Any
 
 from robots.agent.adapters import registry
 from robots.agent.adapters.contract import FROM_PAGE, Adapter, AdapterError, FromPage, RcaState, VideoSource
-from robots.agent.adapters.robot_profile import LONGEST_WATCHDOG
 from robots.agent.config import AgentConfig, ConfigError, load
 from robots.agent.equipment import equipment_of
-from robots.agent.motion import ZERO
+from robots.agent.motion import LONGEST_WATCHDOG, ZERO
 from robots.api.messages import Velocity
 
 Say = Callable[[str], None]

@@ -7,8 +7,7 @@ The rules, in the order in which they bite:
 - Stop and e-stop are obeyed whoever sends them, however old, whatever the lease. An e-stop latches (latch.py).
 - A velocity counts when it is the driver's and of an input method and on a way that the lease allows (permissions.py), newer than every
   other of its epoch, and young enough (freshness.py).
-- Somebody else's stop holds the robot until the driver has let go: a zero velocity, or a second without one. So do a cleared e-stop
-  and a robot that has come back, lest a held key moves it by surprise.
+- Somebody else's stop holds the robot until the driver has let go (hold.py). So do a cleared e-stop and a robot that has come back.
 - Without an accepted velocity for `Limits.deadman` the robot brakes. Navigation ends 2 s after the driver's last heartbeat.
 - Idle is silence: after a few zeros nothing is sent, so that nobody fights a planner. Navigation that runs in the agent itself
   (contract.SelfDriving) tells here what it wants, and gets what the limits leave of it.
@@ -21,21 +20,21 @@ from dataclasses import dataclass, field
 
 from robots.agent.clock import Clocks
 from robots.agent.freshness import judge
+from robots.agent.hold import Hold
 from robots.agent.latch import BUTTON, Latch, stricter
 from robots.agent.latch import refusal as latch_refusal
 from robots.agent.lease import LeaseKeeper, Remembered
-from robots.agent.motion import ZERO, Caps, assist_speed, caps, ramp
+from robots.agent.motion import ZERO, Caps, assist_speed, caps, check_times, ramp
 from robots.agent.permissions import MOVING, Sender, forbidden, mismatch, refusal, role_of, staleness
-from robots.api.messages import Action, AssistLevel, Capability, ClearEStop, EStop, Lease, Limits, Mode, Stop, Velocity, VelocityCommand
+from robots.api.messages import Action, AssistLevel, Capability, ClearEStop, EStop, Lease, Limits, Mode, Stop, Velocity, VelocityCommand, Way
 
-QUIET_RELEASES = 1.0
 NAVIGATION_SILENCE = 2.0
 PRESS = 0.3  # how long zeros are sent after a stop even to a base that we do not move: a planner may be moving it
 RUNS_ON = 5.0  # and for so long after that, while the robot is still seen to move
 ZEROS = 3
 MAX_STEP = 0.04  # two ticks: the longest time that one output may accelerate for
 STANDSTILL = 0.02
-EPOCHS_KEPT = 16
+GRANTS_KEPT = 16
 STOPS_KEPT = 256
 SAME_STOP = 3.0
 
@@ -84,6 +83,9 @@ class Kernel:
         capabilities: what the robot can do.
         latch: an e-stop that was held when the agent ended.
         newest_lease: the newest grant known when the agent ended.
+
+    Raises:
+        ValueError: nobody would stop the robot soon enough: deadman or watchdog is too long.
     """
 
     limits: Limits
@@ -103,13 +105,16 @@ class Kernel:
     driver_heard: float | None = None
 
     def __post_init__(self) -> None:
+        check_times(self.watchdog, self.limits)
         self.leases = LeaseKeeper(self.newest_lease)
-        self._floors: dict[int, int] = {}
-        self._stops: dict[str, float] = {}
+        self._floors: dict[tuple[str | None, int], int] = {}  # of a session and an epoch: the highest number that counted
+        self._stops: dict[tuple[str, str], float] = {}
         self._target = self._current = ZERO
         self._steered = 0.0
         self._output_at = self._accepted_at = self._press_until = float("-inf")
-        self._hold_since: float | None = None
+        self._hold: Hold | None = None
+        self._knew_driver = False
+        self._driven_by: Way | None = None  # the transport of the driver's last velocity
         self._zeros_left = 0
         self._measured_motion = False
 
@@ -126,16 +131,24 @@ class Kernel:
         after = self.leases.live(now)
         if _grant(before) != _grant(after):
             # A new driver starts from a standing robot, and the old one's last wish is void.
-            self._target, self._accepted_at, self.driver_heard = ZERO, float("-inf"), None
+            self._target, self._accepted_at, self.driver_heard, self._driven_by = ZERO, float("-inf"), None, None
+            if self._hold is not None and after is not None and self._hold.is_released_with((after.session, after.epoch)):
+                self._hold = None
+            if after is not None and not self._knew_driver:
+                self._knew_driver = True
+                if after.renewal > 0:  # an agent that begins in the middle of a drive: a key may be held
+                    self._hold_on(now)
             if self.navigation and not self.navigation.ordered_by_server:
                 self._cancel_navigation("lease_changed")
         return True
 
-    def heard(self, peer: str, now: float) -> None:
-        """Note a heartbeat: the driver's keeps navigation going."""
+    def heard(self, peer: str, way: Way, now: float) -> None:
+        """Note a heartbeat: the driver's keeps navigation going, and tells that a silence of the hands is meant."""
         lease = self.leases.live(now)
         if lease is not None and lease.peer == peer:
             self.driver_heard = now
+            if self._hold is not None and self._hold.is_released_by(way, now):
+                self._hold = None
 
     # --- velocities --------------------------------------------------------------------------------------------------
 
@@ -148,18 +161,21 @@ class Kernel:
         if forbidden(lease, sender, method=command.method):
             return self._refuse("not_allowed")
         moving = command.linear != 0.0 or command.angular != 0.0
-        if moving and self._hold_since is not None:
-            self._hold_since = now
-        if command.seq <= self._floors.get(command.epoch, -1):
+        self._driven_by = sender.way
+        if moving and self._hold is not None:
+            self._hold.pressed(sender.way, now)
+        grant = command.session, command.epoch
+        if command.seq <= self._floors.get(grant, -1):
             return self._refuse("old_seq")
         fresh = judge(command, lease, self.limits, self.clocks.of(lease.peer), now=now, unix=unix)
         if fresh.reason:
             return self._refuse(fresh.reason, fresh.age)
-        self._raise_floor(command.epoch, command.seq)
+        self._raise_floor(grant, command.seq)
+        if not moving:
+            self._hold = None  # the driver has let go
         if reason := self._unmoved(moving=moving):
             return self._refuse(reason, fresh.age)
         self._cancel_navigation("manual")
-        self._hold_since = None
         asked = Velocity(linear=command.linear, angular=command.angular)
         self._target, self._accepted_at = self.caps(now).clamp(asked, fresh.scale), now
         return Verdict(None, fresh.age)
@@ -169,7 +185,8 @@ class Kernel:
 
         `wanted` is what the agent's own navigation wants; without it, navigation is the RCA's and hears nothing from here.
         """
-        self._let_go(now)
+        if self._hold is not None and self.leases.live(now) is None and self._hold.is_nobodys(now):
+            self._hold = None
         self._watch_navigation(now)
         halted = self.latch or self.fault or self.held
         if self.navigation and wanted is not None and not halted:
@@ -200,7 +217,7 @@ class Kernel:
             return "estop"
         if self.fault:
             return "fault"
-        if self._hold_since is not None:
+        if self._hold is not None:
             return "stopped"
         return None if self.leases.live(now) else "no_lease"
 
@@ -217,7 +234,7 @@ class Kernel:
     @property
     def held(self) -> bool:
         """Tell whether a stop, or what counts as one, waits for the driver to let go."""
-        return self._hold_since is not None
+        return self._hold is not None
 
     def visitor_silence(self, now: float) -> float | None:
         """Return how many seconds ago the driver was heard, None without a live lease."""
@@ -234,24 +251,24 @@ class Kernel:
         """Brake. Return False when it only repeats a stop that was obeyed, and the driver has gone on since."""
         lease = self.leases.live(now)
         own = role_of(action, sender, lease) == "driver" and mismatch(action.session, action.epoch, sender, lease) is None
-        floor = self._floors.get(action.epoch, -1)
+        grant = action.session, action.epoch
+        floor = self._floors.get(grant, -1)
         self.stop_seq, self.stop_id = action.seq, action.action_id
-        repeated = now - self._stops.get(action.action_id, float("-inf")) < SAME_STOP
-        if repeated and (not own or action.seq <= floor):
+        if self._repeats("stop", action.action_id, now) and (not own or action.seq <= floor):
             return False
-        self._remember_stop(action.action_id, now)
+        self._remember_stop("stop", action.action_id, now)
         if own:
-            self._raise_floor(action.epoch, max(floor, action.seq))
+            self._raise_floor(grant, max(floor, action.seq))
         else:
-            self._hold_since = now
+            self._hold_on(now)
         self._halt("stopped", now)
         return True
 
     def estop(self, action: EStop, sender: Sender, *, now: float, unix: float) -> bool:
         """Brake and latch. Return False when it only repeats one that was obeyed."""
-        if now - self._stops.get(action.action_id, float("-inf")) < SAME_STOP:
+        if self._repeats("estop", action.action_id, now):
             return False
-        self._remember_stop(action.action_id, now)
+        self._remember_stop("estop", action.action_id, now)
         lease = self.leases.live(now)
         role = role_of(action, sender, lease)
         user = action.user if sender.way == "mqtt" else lease.who if lease and role == "driver" else ""
@@ -273,7 +290,8 @@ class Kernel:
 
     def clear_fault(self, now: float) -> None:
         """The base is back, standing."""
-        self.fault, self._hold_since = None, now
+        self.fault = None
+        self._hold_on(now)
         self._current, self._target, self._steered = ZERO, ZERO, 0.0
 
     # --- actions -----------------------------------------------------------------------------------------------------
@@ -288,7 +306,8 @@ class Kernel:
     def clear_estop(self, now: float) -> None:
         """Open the latch, for a clear_estop that `permit` has let pass."""
         if self.latch is not None:
-            self.latch, self._hold_since = None, now
+            self.latch = None
+            self._hold_on(now)
 
     def navigate(self, action_id: str, mode: Mode, *, ordered_by_server: bool, now: float) -> None:
         """The robot moves by itself from now on: be silent."""
@@ -328,7 +347,7 @@ class Kernel:
         if self.fault:
             return "fault"
         if moving:
-            return "stopped" if self._hold_since is not None else None
+            return "stopped" if self._hold is not None else None
         return "navigating" if self.navigation else None
 
     def _why_not(self, action: Action, sender: Sender, *, now: float, unix: float) -> str | None:
@@ -342,7 +361,7 @@ class Kernel:
             return None
         if self.latch:
             return "estop"
-        return "fault" if self.fault else "stopped" if self._hold_since is not None else None
+        return "fault" if self.fault else "stopped" if self._hold is not None else None
 
     def _press(self, latch: Latch, now: float) -> None:
         self.latch = stricter(self.latch, latch)
@@ -357,9 +376,8 @@ class Kernel:
             self.cancelled.append((self.navigation.action_id, reason))
             self.navigation = None
 
-    def _let_go(self, now: float) -> None:
-        if self._hold_since is not None and now - self._hold_since >= QUIET_RELEASES:
-            self._hold_since = None
+    def _hold_on(self, now: float) -> None:
+        self._hold = Hold(_grant(self.leases.live(now)), self._driven_by, now)
 
     def _watch_navigation(self, now: float) -> None:
         running = self.navigation
@@ -370,14 +388,18 @@ class Kernel:
         elif now - max(running.since, self.driver_heard or running.since) >= NAVIGATION_SILENCE:
             self._cancel_navigation("heartbeat_lost")
 
-    def _raise_floor(self, epoch: int, seq: int) -> None:
-        self._floors[epoch] = seq
-        if len(self._floors) > EPOCHS_KEPT:
-            del self._floors[min(self._floors)]
+    def _raise_floor(self, grant: tuple[str | None, int], seq: int) -> None:
+        self._floors.pop(grant, None)
+        self._floors[grant] = seq
+        if len(self._floors) > GRANTS_KEPT:
+            del self._floors[next(iter(self._floors))]
 
-    def _remember_stop(self, action_id: str, now: float) -> None:
-        self._stops.pop(action_id, None)
-        self._stops[action_id] = now
+    def _repeats(self, kind: str, action_id: str, now: float) -> bool:
+        return now - self._stops.get((kind, action_id), float("-inf")) < SAME_STOP
+
+    def _remember_stop(self, kind: str, action_id: str, now: float) -> None:
+        self._stops.pop((kind, action_id), None)
+        self._stops[kind, action_id] = now
         if len(self._stops) > STOPS_KEPT:
             del self._stops[next(iter(self._stops))]
 

@@ -53,7 +53,7 @@ class Bench:
             self.now += 0.02
             answer = m.CommandHeartbeat(n=beat.n, stamp=there, peer=peer, echo=m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=there))
             self.kernel.clocks.heard(peer, "mqtt", answer, now=self.now, unix=self.unix)
-            self.kernel.heard(peer, self.now)
+            self.kernel.heard(peer, "mqtt", self.now)
 
     def command(self, linear=0.5, angular=0.0, *, age=0.0, frame_age=0.0, **fields):
         values = {"session": "s1", "epoch": 1, "seq": self.seq + 1, "method": "keyboard"} | fields
@@ -71,10 +71,12 @@ class Bench:
         self.outputs.append((self.now, decision))
         return decision
 
-    def run(self, seconds, *, every=None, **command):
-        """Tick at 50 Hz; with `every` (s) send a command that often."""
+    def run(self, seconds, *, every=None, beats=None, **command):
+        """Tick at 50 Hz; with `every` (s) send a command that often; with `beats` the driver is heard on that way five times a second."""
         for step in range(1, round(seconds / TICK) + 1):
             self.now += TICK
+            if beats and step % 10 == 0:
+                self.kernel.heard("p1", beats, self.now)
             if every and step % max(1, round(every / TICK)) == 0:
                 self.drive(**command)
             else:

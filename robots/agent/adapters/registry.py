@@ -9,8 +9,9 @@ from typing import Any, cast
 
 from robots.agent.adapters.autonomy import wrapped
 from robots.agent.adapters.contract import Adapter, AdapterError
-from robots.agent.adapters.robot_profile import ADAPTERS, check_times
+from robots.agent.adapters.robot_profile import ADAPTERS
 from robots.agent.autonomy.area import update_of
+from robots.agent.motion import check_times
 from robots.agent.world.sites import SiteError, load_site
 
 MODULES = {name: f"robots.agent.adapters.{name}" for name in ("simulator", *ADAPTERS)}

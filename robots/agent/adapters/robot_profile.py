@@ -20,12 +20,11 @@ import msgspec
 from msgspec import Struct
 
 from robots.agent.adapters.contract import AdapterError
+from robots.agent.motion import check_times
 from robots.api.messages import Camera, Laser, Limits, Name, Point, TiltRange
 
 SHIPPED = Path(__file__).with_name("profiles")
 ADAPTERS = ("moos", "openmora_mqtt", "ros1", "ros2", "rosbridge")  # the shipped ones of real robots, whose tables any profile may have
-LONGEST_WATCHDOG = 2.0  # seconds
-LONGEST_DEADMAN = 1.0
 SAID = {"yes": True, "on": True, "no": False, "off": False}  # besides true, false, 1, 0
 Settings = TypeVar("Settings", bound=Struct)
 
@@ -56,25 +55,6 @@ class RobotProfile(Struct, frozen=True):
 
 SECTIONS: dict[str, type[Struct]] = {"limits": Limits, "tilt": TiltRange, "laser": Laser, "camera": Camera, "battery": BatteryRange}
 SHARED = frozenset({"series", "footprint", *SECTIONS})
-
-
-def check_times(watchdog: float, limits: Limits) -> None:
-    """See to it that a robot which nobody steers any more stops soon, by one of two: the agent's deadman, then the base's watchdog.
-
-    Args:
-        watchdog: seconds after which the base stops by itself.
-        limits: with the deadman, the seconds of silence after which the agent brakes.
-
-    Raises:
-        ValueError: one of them is too long, or the watchdog would strike first; one sentence.
-    """
-    deadman = limits.deadman
-    if not deadman <= LONGEST_DEADMAN:
-        raise ValueError(f"a deadman of {deadman:g} s is too long: the agent brakes at most {LONGEST_DEADMAN:g} s after the last command")
-    if not watchdog <= LONGEST_WATCHDOG:
-        raise ValueError(f"a watchdog of {watchdog:g} s is too long: the base has to stop at most {LONGEST_WATCHDOG:g} s after the last velocity")
-    if not watchdog >= deadman:
-        raise ValueError(f"a watchdog of {watchdog:g} s is shorter than the deadman of {deadman:g} s: the base would stop between two commands")
 
 
 def nearest(word: str, known: Collection[str]) -> str:

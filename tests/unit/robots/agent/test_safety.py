@@ -1,5 +1,6 @@
 """The kernel's rules, one sentence each; test_safety_properties.py throws everything at them at once."""
 
+import msgspec
 import pytest
 
 from robots.agent.clock import SERVER_PEER
@@ -195,13 +196,13 @@ def test_the_deadline_names_the_moment_of_the_deadman_and_then_nothing(bench):
 
 def test_a_driver_who_was_never_heard_is_not_taken_for_one_who_is_there(bench):
     bench.run(0.2)
-    bench.kernel.heard("p1", bench.now)
+    bench.kernel.heard("p1", "datachannel", bench.now)
     assert bench.kernel.visitor_silence(bench.now) == 0.0
     bench.lease(session="s2", epoch=2, peer="p2")
     assert bench.kernel.visitor_silence(bench.now) is None
-    bench.kernel.heard("p1", bench.now)
+    bench.kernel.heard("p1", "datachannel", bench.now)
     assert bench.kernel.visitor_silence(bench.now) is None, "nobody else's word counts"
-    bench.kernel.heard("p2", bench.now)
+    bench.kernel.heard("p2", "datachannel", bench.now)
     assert bench.kernel.visitor_silence(bench.now + 0.5) == pytest.approx(0.5)
 
 
@@ -255,10 +256,106 @@ def test_somebody_elses_stop_holds_the_robot_until_the_driver_lets_go(bench, how
     assert bench.drive(0.5).reason is None
 
 
-def test_a_second_without_commands_also_lets_go_of_a_hold(bench):
+def test_a_second_without_commands_also_lets_go_of_a_hold_while_the_driver_is_heard(bench):
     bench.stop(peer="p2")
-    bench.run(1.1)
+    bench.run(1.5, beats="datachannel")
     assert bench.drive(0.5).reason is None
+
+
+@pytest.mark.parametrize("beats", [None, "mqtt"], ids=["nothing", "only the other transport"])
+def test_a_network_that_is_silent_lets_go_of_nothing(bench, beats):
+    bench.run(2.0, every=0.06, linear=0.5)
+    bench.stop(way="mqtt", role="staff")
+    bench.run(0.5, every=0.06, linear=0.5)  # the key is still held
+    bench.run(5.0, beats=beats)
+    for _ in range(20):
+        assert bench.drive(0.5).reason == "stopped"
+    assert bench.speed == 0.0
+
+
+def test_heartbeats_that_come_in_one_burst_are_no_second_of_silence(bench):
+    bench.drive(0.5)
+    bench.stop(way="mqtt", role="staff")
+    bench.run(3.0)
+    for _ in range(20):
+        bench.kernel.heard("p1", "datachannel", bench.now)
+    assert bench.drive(0.5).reason == "stopped"
+
+
+@pytest.mark.parametrize("cause", ["estop", "fault"])
+def test_a_gap_of_the_network_after_an_estop_or_a_fault_does_not_let_go_either(bench, cause):
+    bench.run(2.0, every=0.06, linear=0.5)
+    if cause == "estop":
+        bench.estop(role="staff", user="ops")
+        bench.kernel.clear_estop(bench.now)
+    else:
+        bench.kernel.set_fault("adapter_lost")
+        bench.kernel.clear_fault(bench.now)
+    bench.run(1.05)
+    assert bench.drive(0.5).reason == "stopped"
+
+
+def test_the_next_driver_is_not_held_by_what_stopped_the_last(bench):
+    bench.drive(0.5)
+    bench.stop(way="mqtt", role="staff")
+    bench.lease(session="s2", epoch=2)
+    assert bench.drive(0.5, session="s2", epoch=2).reason is None
+
+
+def test_a_driver_whose_agent_began_anew_under_a_held_key_lets_go_first():
+    bench = Bench()
+    bench.kernel.set_fault("adapter_lost")
+    bench.kernel.clear_fault(bench.now)
+    bench.run(3.0)
+    bench.lease(renewal=7)
+    bench.know_clock()
+    assert bench.drive(0.5).reason == "stopped"
+    assert bench.drive(0.0).reason is None
+    assert bench.drive(0.5).reason is None
+
+
+def test_what_stopped_a_robot_that_nobody_drives_does_not_keep_it_from_going_home(bench):
+    bench.stop(way="mqtt", role="staff")
+    bench.kernel.take_lease(None, retained=False, now=bench.now)
+    bench.run(1.1)
+    assert bench.ask(m.Dock(action_id="home", stamp=bench.unix, role="server")) is None
+
+
+def test_a_lowered_limit_holds_at_once_though_the_lease_was_not_renewed(bench):
+    bench.run(2.0, every=0.06, linear=0.7)
+    assert bench.lease(limits=m.LeaseLimits(linear=0.2))
+    bench.run(1.0, every=0.06, linear=0.7)
+    assert bench.speed == pytest.approx(0.2)
+    assert not bench.lease(limits=m.LeaseLimits(linear=0.6)), "a repetition raises nothing"
+    bench.run(8.0)
+    bench.lease(limits=m.LeaseLimits(linear=0.1))
+    bench.run(2.1)
+    assert bench.drive().reason == "no_lease", "and prolongs nothing"
+
+
+def test_after_the_servers_counter_began_anew_copies_from_before_a_stop_stay_dead(bench):
+    for epoch in range(10, 30):  # sixteen sessions and more
+        bench.lease(session=f"s{epoch}", epoch=epoch)
+        bench.drive(0.0, session=f"s{epoch}", epoch=epoch)
+    bench.run(11.0)
+    bench.lease(session="anew", epoch=1)
+    bench.know_clock()
+    before = [bench.command(0.5, session="anew", epoch=1) for _ in range(5)]
+    bench.stop(session="anew", epoch=1, seq=bench.seq + 1)
+    for copy in before:
+        assert bench.kernel.velocity(copy, Sender("datachannel", "p1"), now=bench.now, unix=bench.unix).reason == "old_seq"
+
+
+def test_an_estop_with_the_id_of_a_stop_latches(bench):
+    bench.stop(action_id="the-same", peer="p2")
+    assert bench.estop(action_id="the-same", role="observer", user="Eve")
+    assert bench.kernel.latch is not None
+
+
+@pytest.mark.parametrize(("deadman", "watchdog"), [(1000.0, 2000.0), (0.3, 1e6), (0.3, 0.2), (0.3, float("nan"))])
+def test_a_kernel_that_nobody_would_stop_in_time_is_not_made(deadman, watchdog):
+    with pytest.raises(ValueError, match=r"too long|shorter"):
+        Bench(limits=msgspec.structs.replace(LIMITS, deadman=deadman), watchdog=watchdog)
 
 
 def test_an_observers_stop_kills_no_number_of_the_driver(bench):
@@ -430,7 +527,7 @@ def test_what_the_agents_own_navigation_wants_is_ramped_and_kept_within_lease_an
     bench.run(1.5)
     assert bench.kernel.commanded == m.Velocity(linear=0.2, angular=-0.3)
     bench.wanted = m.Velocity(linear=0.0, angular=0.0)
-    bench.kernel.heard("p1", bench.now)
+    bench.kernel.heard("p1", "datachannel", bench.now)
     bench.run(1.0)
     assert bench.tick().velocity == m.Velocity(linear=0.0, angular=0.0), "zeros go on: they hold the robot in its place"
 
@@ -471,10 +568,10 @@ def test_a_robot_that_assists_by_itself_is_not_slowed_down_twice():
 def test_navigation_stops_two_seconds_after_the_drivers_last_heartbeat(bench):
     bench.kernel.navigate("g1", "goto", ordered_by_server=False, now=bench.now)
     bench.run(1.5)
-    bench.kernel.heard("p1", bench.now)
+    bench.kernel.heard("p1", "datachannel", bench.now)
     bench.run(1.9)
     assert bench.kernel.navigation
-    bench.kernel.heard("p2", bench.now)
+    bench.kernel.heard("p2", "datachannel", bench.now)
     bench.run(0.2)
     assert bench.kernel.drain_cancelled() == [("g1", "heartbeat_lost")]
 

@@ -142,7 +142,7 @@ def _stop(bench, _account, way, peer, role, session, epoch, seq, number):  # noq
 
 
 def _estop(bench, account, way, peer, role, number):  # noqa: PLR0917 -- as above
-    known = f"estop-{number}" in bench.kernel._stops
+    known = ("estop", f"estop-{number}") in bench.kernel._stops
     bench.estop(action_id=f"estop-{number}", way=way, peer=peer, role=role)
     assert known or bench.kernel.latch
     account.latched = bench.kernel.latch is not None

@@ -6,7 +6,7 @@ import pytest
 
 from robots.agent.adapters import registry
 from robots.agent.adapters.contract import AdapterError
-from robots.agent.adapters.robot_profile import check_times
+from robots.agent.motion import check_times
 from robots.api.messages import Limits
 
 ROBOT = """
