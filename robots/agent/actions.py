@@ -12,7 +12,7 @@ from robots.agent.adapter_link import AdapterLink
 from robots.agent.adapters.contract import ActionProgress, AdapterError, Frame
 from robots.agent.cadence import Cadence
 from robots.agent.calls import Calls
-from robots.agent.ledger import Ledger
+from robots.agent.ledger import ENDED, Ledger
 from robots.agent.permissions import MOTION, Sender, role_of
 from robots.agent.photos import develop
 from robots.agent.reports import Reports
@@ -44,6 +44,8 @@ REFUSALS_ANSWERED = 0.05  # s between two answers to what was refused: a flood o
 PHOTOS_AT_ONCE = 4
 RESENT_AT_ONCE = 100
 RESEND_PAUSE = 0.05
+CANCEL = "cancel"
+CANCEL_AGAIN = 1.0  # s between two attempts to cancel
 
 Spawn = Callable[[Coroutine[Any, Any, None]], None]
 Result = dict[str, float | str | bool | None]
@@ -84,6 +86,22 @@ class Actions:
         self._ledger = Ledger()
         self._refusals = Cadence(REFUSALS_ANSWERED)
         self._photos = 0
+        self._waiting: Action | None = None  # to be begun when the robot stands
+        self._final: dict[str, ActionStatus] = {}  # what is true once the robot stands, and not before
+
+    def tick(self) -> None:
+        """Begin what waited for the robot to stand, and say what is true now that it does."""
+        waiting, running = self._waiting, self._kernel.navigation
+        if waiting is not None and (running is None or running.action_id != waiting.action_id):
+            self._waiting = None
+        elif waiting is not None and running is not None and running.may_begin:
+            self._waiting = None
+            self._spawn(self._start(waiting))
+        if self._final and (self._kernel.stands or self._kernel.fault):
+            final, self._final = self._final, {}
+            self._reports.errors.pop(CANCEL, None)
+            for status in final.values():
+                self._end(status)
 
     def take(self, action: Action, sender: Sender) -> None:
         """Do what is asked, or say why not."""
@@ -113,19 +131,48 @@ class Actions:
             reason=progress.reason[:300],
             result=progress.result,
         )
-        if before is None or not self._say(status):
+        if before is None or progress.action_id in self._final:
             return
-        if progress.status in {"FINISHED", "FAILED", "CANCELLED"}:
+        if progress.status in ENDED and self._is_running(progress.action_id):
             self._kernel.navigation_ended(progress.action_id)
-        if kind in {"goto", "follow"} and progress.status in {"FINISHED", "FAILED"}:
-            event = "goal_reached" if progress.status == "FINISHED" else "goal_blocked"
-            self._reports.event(event, action_id=progress.action_id, detail=progress.reason)
+            self._final[progress.action_id] = status
+        else:
+            self._end(status)
 
     def cancelled(self, action_id: str, reason: str) -> None:
-        """The kernel has ended an action: tell the adapter, and whoever asked for it."""
+        """The kernel has ended an action that moves the robot: tell the adapter, and, when the robot stands, whoever asked for it."""
+        self._final[action_id] = self._ended_by(action_id, reason)
+        if self._waiting is None or self._waiting.action_id != action_id:
+            self._spawn(self._cancel_at_adapter(action_id))
+
+    async def _cancel_at_adapter(self, action_id: str) -> None:
+        """Tell the adapter until it has taken it, or the robot stands."""
+        while True:
+            try:
+                await self._adapter.cancel(action_id)
+            except AdapterError as error:
+                log.warning("cancel_failed action=%s reason=%r", action_id, str(error))
+                if action_id not in self._final:
+                    return
+                self._reports.errors[CANCEL] = f"{CANCEL}: {error}"[:300]
+                await asyncio.sleep(CANCEL_AGAIN)
+            else:
+                return
+
+    def _is_running(self, action_id: str) -> bool:
+        running = self._kernel.navigation
+        return running is not None and running.action_id == action_id
+
+    def _ended_by(self, action_id: str, reason: str) -> ActionStatus:
         before = self._ledger.of(action_id)
-        self._say(ActionStatus(action_id=action_id, status="CANCELLED", stamp=self._times.unix(), type=before.type if before else "", reason=reason))
-        self._spawn(self._adapter.cancel(action_id))
+        return ActionStatus(action_id=action_id, status="CANCELLED", stamp=self._times.unix(), type=before.type if before else "", reason=reason)
+
+    def _end(self, status: ActionStatus) -> None:
+        """Say how far an action is, and what that means for its goal."""
+        status = msgspec.structs.replace(status, stamp=self._times.unix())
+        if self._say(status) and status.type in {"goto", "follow"} and status.status in {"FINISHED", "FAILED"}:
+            event = "goal_reached" if status.status == "FINISHED" else "goal_blocked"
+            self._reports.event(event, action_id=status.action_id, detail=status.reason)
 
     def button_pressed(self) -> None:
         """The robot's own e-stop was pressed."""
@@ -207,12 +254,14 @@ class Actions:
         if self._kernel.cancel(action.target) is not None:
             for action_id, reason in self._kernel.drain_cancelled():
                 self.cancelled(action_id, reason)
+            self._say(self._status(action, "RUNNING"))
+            self._final[action.action_id] = self._status(action, "FINISHED")
         elif action.target is not None and self._ledger.runs(action.target):
-            self.cancelled(action.target, "cancelled")
+            self._say(self._ended_by(action.target, "cancelled"))
+            self._spawn(self._cancel_at_adapter(action.target))
+            self._say(self._status(action, "FINISHED"))
         else:
             self._say(self._status(action, "FAILED", "nothing_runs"))
-            return
-        self._say(self._status(action, "FINISHED"))
 
     def _hand_over(self, action: Action) -> None:
         self._say(self._status(action, "WAITING"))
@@ -220,7 +269,9 @@ class Actions:
             self._kernel.navigate(action.action_id, _mode_of(action), ordered_by_server=action.role == "server", now=self._times.now())
             for action_id, reason in self._kernel.drain_cancelled():
                 self.cancelled(action_id, reason)
-        self._spawn(self._start(action))
+            self._waiting = action
+        else:
+            self._spawn(self._start(action))
 
     async def _start(self, action: Action) -> None:
         try:
@@ -229,8 +280,9 @@ class Actions:
             self._kernel.navigation_ended(action.action_id)
             self._say(self._status(action, "FAILED", str(error)))
             return
-        if not self._ledger.runs(action.action_id):  # stopped or cancelled while the RCA was still thinking about it
-            await self._adapter.cancel(action.action_id)
+        # Stopped or cancelled while the RCA was still thinking about it.
+        if action.action_id in self._final or not self._ledger.runs(action.action_id):
+            await self._cancel_at_adapter(action.action_id)
 
     def _photo(self, action: Photo) -> None:
         if self._photos >= PHOTOS_AT_ONCE:

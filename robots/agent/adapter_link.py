@@ -101,14 +101,18 @@ class AdapterLink:
             raise AdapterError("the robot control architecture is not reached")
         try:
             async with asyncio.timeout(START_TIME):
-                while self._cancelling:
+                while self._cancelling:  # how these end is told to whoever wanted them cancelled
                     await asyncio.wait(self._cancelling)
                 await self.adapter.start(action)
         except TimeoutError as error:
             raise AdapterError("no answer") from error
 
     async def cancel(self, action_id: str) -> None:
-        """Cancel an action, as far as the RCA is there to hear it."""
+        """Cancel an action, as far as the RCA is there to hear it.
+
+        Raises:
+            AdapterError: it could not be cancelled.
+        """
         if not self.up:
             return
         cancelling = asyncio.ensure_future(self._cancel(action_id))
@@ -144,8 +148,10 @@ class AdapterLink:
         try:
             async with asyncio.timeout(START_TIME):
                 await self.adapter.cancel(action_id)
-        except (AdapterError, TimeoutError) as error:
-            self._fail(AdapterError(f"an action could not be cancelled: {error}"))
+        except TimeoutError as error:
+            raise AdapterError(f"an action could not be cancelled: no answer within {START_TIME:.0f} s") from error
+        except AdapterError as error:
+            raise AdapterError(f"an action could not be cancelled: {error}") from error
 
     async def _states(self, listener: Listener) -> None:
         states = self.adapter.states()

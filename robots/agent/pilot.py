@@ -56,6 +56,7 @@ ADAPTER_LOST = "adapter_lost"
 RIVAL = "rival"
 CLOSING = "closing"
 STORE = "store"
+RUNS_ON = "runs_on"
 
 
 @dataclass(frozen=True)
@@ -180,7 +181,7 @@ class Pilot:
     def reading(self, reading: RcaState) -> None:
         """Take what the RCA reports, and say what has changed."""
         before, was_docked = self.reports.reading, self.reports.docked
-        self._kernel.measured(reading.velocity)
+        self._kernel.measured(reading.velocity, self._times.now())
         self._kernel.assist.clearance = reading.clearance
         if self._kernel.button(pressed=reading.estop, now=self._times.now(), unix=self._times.unix()):
             self.turn_wheels()
@@ -216,6 +217,8 @@ class Pilot:
         """Fifty times a second: the lease's end, the wheels, and what is due to be said."""
         self._lapse()
         self.turn_wheels()
+        self.actions.tick()
+        self._look_after_standstill()
         self._look_after_call()
         if self._heartbeat_due.due(self._times.now()):
             self.out.send("heartbeat", self._kernel.clocks.beat(self._times.now(), self._times.unix()))
@@ -330,6 +333,14 @@ class Pilot:
     def _driver(self) -> Lease | None:
         return self._kernel.leases.live(self._times.now())
 
+    def _look_after_standstill(self) -> None:
+        """Say that the robot moves though it is told to stand, for as long as it does."""
+        if not self._kernel.runs_on(self._times.now()):
+            self.reports.errors.pop(RUNS_ON, None)
+        elif RUNS_ON not in self.reports.errors:
+            log.error("robot_runs_on velocity=%s", self.reports.reading.velocity)
+            self.reports.errors[RUNS_ON] = f"{RUNS_ON}: the robot moves though it is told to stand still"
+
     def _look_after_call(self) -> None:
         """Tell the media side, when it has changed, what of the driver's voice and face is let through."""
         passing = self._calls.passing(self._driver(), self._times.now())
@@ -389,6 +400,8 @@ class Pilot:
         if after.battery.charging and not before.battery.charging:
             self.reports.event("charging")
         if after.contacts > before.contacts:
+            self._kernel.touched()
+            self.turn_wheels()
             self.reports.event("collision")
         if after.pose.localized != before.pose.localized:
             self.reports.event("localization_found" if after.pose.localized else "localization_lost")

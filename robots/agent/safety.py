@@ -9,14 +9,17 @@ The rules, in the order in which they bite:
   other of its epoch, and young enough (freshness.py).
 - Somebody else's stop holds the robot until the driver has let go (hold.py). So do a cleared e-stop and a robot that has come back.
 - Without an accepted velocity for `Limits.deadman` the robot brakes. Navigation ends 2 s after the driver's last heartbeat.
-- Idle is silence: after a few zeros nothing is sent, so that nobody fights a planner. Navigation that runs in the agent itself
+- Idle is silence, so that nobody fights a planner; but from the last that moved the robot until it was measured to stand, zeros are sent.
+- The RCA's own navigation begins when the robot was measured to stand, and is left alone while it runs. However it ends, the robot is braked
+  from the speed that was measured last, and nobody drives before it stands. Navigation that runs in the agent itself
   (contract.SelfDriving) tells here what it wants, and gets what the limits leave of it.
+- A contact stops the robot. Nothing moves it further that way before it has been backed away.
 
 Longer than most files, because whoever answers for a robot wants all of it on one page.
 """
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from robots.agent.clock import Clocks
 from robots.agent.freshness import judge
@@ -29,11 +32,11 @@ from robots.agent.permissions import MOVING, Sender, forbidden, mismatch, refusa
 from robots.api.messages import Action, AssistLevel, Capability, ClearEStop, EStop, Lease, Limits, Mode, Stop, Velocity, VelocityCommand, Way
 
 NAVIGATION_SILENCE = 2.0
-PRESS = 0.3  # how long zeros are sent after a stop even to a base that we do not move: a planner may be moving it
-RUNS_ON = 5.0  # and for so long after that, while the robot is still seen to move
-ZEROS = 3
 MAX_STEP = 0.04  # two ticks: the longest time that one output may accelerate for
-STANDSTILL = 0.02
+STANDSTILL, STANDSTILL_TURNING = 0.02, 0.05  # m/s and rad/s: a robot that is slower stands
+STANDS_FOR = 0.3  # s for which it has to have been measured so
+RUNS_ON = 2.0  # s beyond its braking time after which a robot that was told to stand and moves is an error
+BACKED_AWAY = 0.05  # m
 GRANTS_KEPT = 16
 STOPS_KEPT = 256
 SAME_STOP = 3.0
@@ -57,12 +60,26 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Navigation:
-    """What the robot is doing by itself: an action, and since when the driver counts as heard."""
+    """What the robot is doing by itself: an action, and since when the driver counts as heard. It `may_begin` once the robot stands."""
 
     action_id: str
     mode: Mode
     ordered_by_server: bool
     since: float
+    may_begin: bool = False
+
+
+@dataclass
+class Contact:
+    """Something was touched while driving `forward` (else backward); `left` is how many metres the robot has to back away still."""
+
+    forward: bool
+    left: float = BACKED_AWAY
+
+    def clamp(self, velocity: Velocity) -> Velocity:
+        """Return the velocity without what goes further that way."""
+        linear = min(velocity.linear, 0.0) if self.forward else max(velocity.linear, 0.0)
+        return Velocity(linear=linear, angular=velocity.angular)
 
 
 @dataclass
@@ -111,12 +128,17 @@ class Kernel:
         self._stops: dict[tuple[str, str], float] = {}
         self._target = self._current = ZERO
         self._steered = 0.0
-        self._output_at = self._accepted_at = self._press_until = float("-inf")
+        self._output_at = self._accepted_at = self._now = float("-inf")
         self._hold: Hold | None = None
         self._knew_driver = False
         self._driven_by: Way | None = None  # the transport of the driver's last velocity
-        self._zeros_left = 0
-        self._measured_motion = False
+        self._motion = ZERO  # as measured last
+        self._still_since: float | None = None
+        self._told_to_stand_at: float | None = None
+        self._restless = False  # the robot may be moving: it was told to, or moves by itself, and has not been measured to stand since
+        self._yields = False  # whoever drives waits until it stands
+        self._hands_off = False  # the RCA moves the robot
+        self.contact: Contact | None = None
 
     # --- who drives --------------------------------------------------------------------------------------------------
 
@@ -132,6 +154,7 @@ class Kernel:
         if _grant(before) != _grant(after):
             # A new driver starts from a standing robot, and the old one's last wish is void.
             self._target, self._accepted_at, self.driver_heard, self._driven_by = ZERO, float("-inf"), None, None
+            self._yields = self._yields or self._restless
             if self._hold is not None and after is not None and self._hold.is_released_with((after.session, after.epoch)):
                 self._hold = None
             if after is not None and not self._knew_driver:
@@ -187,10 +210,12 @@ class Kernel:
         """
         if self._hold is not None and self.leases.live(now) is None and self._hold.is_nobodys(now):
             self._hold = None
+        self._now = now
         self._watch_navigation(now)
+        self._watch_standstill(now)
         halted = self.latch or self.fault or self.held
-        if self.navigation and wanted is not None and not halted:
-            return self._navigated(wanted, now)
+        if self.navigation and self.navigation.may_begin and not halted:
+            return self._hand_over(now) if wanted is None else self._navigated(wanted, now)
         why = self.braking(now)
         if why:
             self._target = ZERO
@@ -200,9 +225,32 @@ class Kernel:
         """Take note of what the base was really told: ramps go on from there, but for the turn in rad/s that assistance added."""
         self._current, self._steered = Velocity(linear=velocity.linear, angular=velocity.angular - steered), steered
 
-    def measured(self, velocity: Velocity) -> None:
-        """Take note of how the robot really moves: under an e-stop that is answered with more zeros."""
-        self._measured_motion = abs(velocity.linear) > STANDSTILL or abs(velocity.angular) > STANDSTILL
+    def measured(self, velocity: Velocity, now: float) -> None:
+        """Take note of how the robot really moves."""
+        self._motion = velocity
+        if abs(velocity.linear) > STANDSTILL or abs(velocity.angular) > STANDSTILL_TURNING:
+            self._still_since = None
+            self._restless = self._restless or self.latch is not None
+        elif self._still_since is None:
+            self._still_since = now
+
+    def touched(self) -> None:
+        """Take note of a contact: stop, and go no further that way."""
+        forward = self._motion.linear if self.commanded.linear == 0.0 else self.commanded.linear
+        if forward != 0.0:
+            self.contact = Contact(forward > 0.0)
+        self._target = ZERO
+        self._restless = True
+
+    @property
+    def stands(self) -> bool:
+        """Tell whether the robot was measured to stand since it was last moved."""
+        return not self._restless
+
+    def runs_on(self, now: float) -> bool:
+        """Tell whether the robot moves although it should have come to a stand for long."""
+        since = self._told_to_stand_at
+        return since is not None and self._still_since is None and now - since > RUNS_ON
 
     def caps(self, now: float) -> Caps:
         """Return the largest speeds allowed now: the least of robot, lease and assistance."""
@@ -219,12 +267,17 @@ class Kernel:
             return "fault"
         if self._hold is not None:
             return "stopped"
-        return None if self.leases.live(now) else "no_lease"
+        if self.leases.live(now) is None:
+            return "no_lease"
+        return "collision" if self.contact else None
 
     def braking(self, now: float) -> str | None:
         """Return why the base is to stand still now, or None while it is being driven."""
-        if self.inhibited(now):
-            return self.inhibited(now)
+        reason = self.inhibited(now)
+        if reason and reason != "collision":
+            return reason
+        if self._yields or self.navigation:
+            return "settling"
         return "deadman" if now >= self._accepted_at + self.limits.deadman else None
 
     def deadline(self) -> float | None:
@@ -293,6 +346,7 @@ class Kernel:
         self.fault = None
         self._hold_on(now)
         self._current, self._target, self._steered = ZERO, ZERO, 0.0
+        self._restless, self._still_since = True, None
 
     # --- actions -----------------------------------------------------------------------------------------------------
 
@@ -310,16 +364,15 @@ class Kernel:
             self._hold_on(now)
 
     def navigate(self, action_id: str, mode: Mode, *, ordered_by_server: bool, now: float) -> None:
-        """The robot moves by itself from now on: be silent."""
+        """The robot is to move by itself, as soon as it stands: `navigation.may_begin` then."""
         self._cancel_navigation("replaced")
         self.navigation = Navigation(action_id, mode, ordered_by_server, now)
-        self._target, self._current, self._steered = ZERO, ZERO, 0.0
-        self._zeros_left, self._press_until = 0, float("-inf")
+        self._target = ZERO
 
     def navigation_ended(self, action_id: str) -> None:
         """The robot has come to the end of what it did by itself."""
         if self.navigation and self.navigation.action_id == action_id:
-            self.navigation = None
+            self._leave_navigation()
 
     def cancel(self, action_id: str | None) -> str | None:
         """Cancel the navigation named, or whatever runs; return its id, None when there was none."""
@@ -368,13 +421,36 @@ class Kernel:
         self._halt("estop", now)
 
     def _halt(self, reason: str, now: float) -> None:
+        self._now = now
         self._cancel_navigation(reason)
-        self._target, self._accepted_at, self._press_until = ZERO, float("-inf"), now + PRESS
+        self._target, self._accepted_at = ZERO, float("-inf")
+        self._restless, self._still_since = True, None
 
     def _cancel_navigation(self, reason: str) -> None:
         if self.navigation:
             self.cancelled.append((self.navigation.action_id, reason))
-            self.navigation = None
+            self._leave_navigation()
+
+    def _leave_navigation(self) -> None:
+        """Brake from the speed at which the RCA has left the robot, as far as that is known."""
+        self.navigation = None
+        if self._hands_off:
+            self._current, self._steered = self.caps(self._now).clamp(self._motion), 0.0
+            self._output_at, self._hands_off = self._now, False
+            self._restless, self._yields, self._still_since = True, True, None
+
+    def _watch_standstill(self, now: float) -> None:
+        """Note when a robot that may have been moving stands."""
+        if self._current != ZERO or self._hands_off:
+            self._restless, self._still_since = True, None
+        elif self._still_since is not None and now - self._still_since >= STANDS_FOR:
+            self._restless = self._yields = False
+            if self.navigation and not self.navigation.may_begin:
+                self.navigation = replace(self.navigation, may_begin=True)
+        if self._current != ZERO or not self._restless:
+            self._told_to_stand_at = None
+        elif self._told_to_stand_at is None:
+            self._told_to_stand_at = now
 
     def _hold_on(self, now: float) -> None:
         self._hold = Hold(_grant(self.leases.live(now)), self._driven_by, now)
@@ -403,27 +479,24 @@ class Kernel:
         if len(self._stops) > STOPS_KEPT:
             del self._stops[next(iter(self._stops))]
 
-    def _runs_on(self, now: float) -> bool:
-        """Tell whether a robot that was stopped still moves, so that it has to be told again."""
-        return self._measured_motion and (self.latch is not None or now < self._press_until + RUNS_ON)
-
     def _output(self, target: Velocity, why: str, now: float) -> Decision:
-        if self.navigation:
-            return Decision(None, "navigating")
         self._approach(target, now)
-        if self._current != ZERO:
-            self._zeros_left = ZEROS
-        elif self._zeros_left > 0:
-            self._zeros_left -= 1
-        elif now >= self._press_until and not self._runs_on(now):
+        if self._current == ZERO and not self._restless:
             return Decision(None, "idle")
         self._output_at = now
         return Decision(self._current, why)
 
+    def _hand_over(self, now: float) -> Decision:
+        """Be silent: the RCA moves the robot."""
+        self._hands_off = True
+        self._watch_standstill(now)
+        return Decision(None, "navigating")
+
     def _navigated(self, wanted: Velocity, now: float) -> Decision:
         """Return what the agent's own navigation gets: its wish within limits and ramps, and zeros too, for they hold it in its place."""
+        self._hands_off = False
         self._approach(wanted, now)
-        self._output_at, self._zeros_left = now, ZEROS
+        self._output_at = now
         return Decision(self._current, "navigating")
 
     def _approach(self, target: Velocity, now: float) -> None:
@@ -431,7 +504,17 @@ class Kernel:
         if since > min(self.limits.deadman, self.watchdog):
             # So long without a word from us the base has stopped by itself; going on from the old speed would start it again.
             self._current = ZERO
-        self._current = ramp(self._current, self.caps(now).clamp(target), self.limits, dt=since, dt_up=min(since, MAX_STEP))
+        if self.contact:
+            self._back_away(since)
+        allowed = self.caps(now).clamp(self.contact.clamp(target) if self.contact else target)
+        self._current = ramp(self._current, allowed, self.limits, dt=since, dt_up=min(since, MAX_STEP))
+
+    def _back_away(self, seconds: float) -> None:
+        assert self.contact is not None
+        away = -self._current.linear if self.contact.forward else self._current.linear
+        self.contact.left -= max(0.0, away) * min(seconds, MAX_STEP)
+        if self.contact.left <= 0.0:
+            self.contact = None
 
 
 def _grant(lease: Lease | None) -> tuple[str, int] | None:

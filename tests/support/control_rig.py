@@ -197,3 +197,15 @@ class ThreadedControlRig(ControlRig):
 
     def post(self, call, *arguments):
         self.control._loop.call_soon_threadsafe(call, *arguments)
+
+
+def stamped(kind, action_id="a1", **fields):
+    return kind(action_id=action_id, stamp=0.0, **fields)  # the rig says when
+
+
+def staff(kind, action_id="a1", **fields):
+    return stamped(kind, action_id, role="staff", user="ops", **fields)
+
+
+def own(kind, action_id="a1", **fields):
+    return stamped(kind, action_id, session="s1", epoch=1, **fields)

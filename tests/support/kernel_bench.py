@@ -32,6 +32,7 @@ class Bench:
     now: float = 1000.0
     seq: int = 0
     wanted: m.Velocity | None = None  # what the agent's own navigation wants
+    motion: m.Velocity | None = None  # how the robot moves, when that is not what it was told
     capabilities: frozenset[str] = CAPABILITIES
     outputs: list[tuple[float, Decision]] = field(default_factory=list)
 
@@ -67,6 +68,7 @@ class Bench:
         return verdict
 
     def tick(self) -> Decision:
+        self.kernel.measured(self.kernel.commanded if self.motion is None else self.motion, self.now)
         decision = self.kernel.tick(self.now, self.wanted)
         self.outputs.append((self.now, decision))
         return decision

@@ -129,6 +129,50 @@ class ScriptedRobot:
         return before[-1][1] if before and moment - before[-1][0] < self.profile.watchdog else ZERO
 
 
+class NavigatingRobot(ScriptedRobot):
+    """One whose architecture drives it by itself, at `GOING`, from the start of an action until that is cancelled.
+
+    Its base does what it was told last, whoever told it: what the architecture tells it fifty times a second overrules zeros until then.
+    """
+
+    GOING = m.Velocity(linear=0.5, angular=0.0)
+
+    def __post_init__(self):
+        super().__post_init__()
+        self.finishes = False
+        self.going = False
+        self.cancel_hangs = self.ignores_cancel = False
+        self.cancel_fails = ""
+        self.rolls_until = 0.0  # after the architecture has let go
+
+    @property
+    def motion(self):
+        now = self.times.now()
+        return self.GOING if self.going or now < self.rolls_until else self.base_at(now)
+
+    async def start(self, action):
+        await super().start(action)
+        self.going = True
+
+    async def cancel(self, action_id):
+        if self.cancel_hangs:
+            await asyncio.Future()
+        if self.cancel_fails:
+            raise AdapterError(self.cancel_fails)
+        if not self.ignores_cancel:
+            self.halt()
+        await super().cancel(action_id)
+
+    def halt(self, rolls=0.2):
+        """The architecture lets go of the base, which rolls on for a moment."""
+        if self.going:
+            self.going, self.rolls_until = False, self.times.now() + rolls
+
+    async def states(self):
+        async for reading in super().states():
+            yield replace(reading, velocity=self.motion)
+
+
 class SelfDrivingRobot(ScriptedRobot):
     """One whose navigation runs in the agent (contract.SelfDriving): `wish` is what it wants while an action runs."""
 

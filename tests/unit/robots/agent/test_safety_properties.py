@@ -176,9 +176,8 @@ def _clock(bench, _account, peer):
     bench.know_clock(peer)
 
 
-def _navigate(bench, account, by_server):
+def _navigate(bench, _account, by_server):
     bench.kernel.navigate("g", "goto", ordered_by_server=by_server, now=bench.now)
-    account.last = ZERO
 
 
 def _wait(bench, _account, seconds):
