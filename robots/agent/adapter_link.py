@@ -1,18 +1,25 @@
-"""The way to the robot control architecture: reached again for ever, watched for silence, and checked for sense."""
+"""The way to the robot control architecture: reached again for ever, watched for silence, and checked for sense.
+
+Whatever an adapter raises, and whatever it returns that is no velocity and no reading, is that adapter's fault: named, braked for as far
+as the base can still be told, and tried again. The control loop goes on.
+"""
 
 import asyncio
 import contextlib
 import logging
+import math
 import random
-from typing import Any, Protocol
+from collections.abc import AsyncIterator, Callable, Iterator
+from typing import Any, Protocol, TypeVar
 
 from robots.agent.adapters.contract import ActionProgress, Adapter, AdapterError, RcaState, SelfDriving
 from robots.agent.backoff import Backoff
 from robots.agent.reading import UnsoundReadingError, sound
-from robots.api.messages import Action, AssistLevel, FloorPlanUpdate, Velocity
+from robots.api.messages import Action, AssistLevel, Config, FloorPlanUpdate, Velocity
 from robots.cancellation import cancel
 
 log = logging.getLogger(__name__)
+Told = TypeVar("Told")
 
 CONNECT_TIME = 30.0
 FIRST_READING = 10.0  # from the connection to the first reading: an architecture may need seconds, and nobody drives before
@@ -50,7 +57,8 @@ class AdapterLink:
         while True:
             try:
                 async with asyncio.timeout(CONNECT_TIME):
-                    await self.adapter.connect()
+                    with its_fault():
+                        await self.adapter.connect()
                 await self._listen(listener)
                 reason = "it stopped reporting"
             except TimeoutError:
@@ -67,7 +75,9 @@ class AdapterLink:
         if not self.up:
             return None
         try:
-            return self._driving.proceed(velocity) if navigating and self._driving else self.adapter.apply(velocity)
+            with its_fault():
+                sent = self._driving.proceed(velocity) if navigating and self._driving else self.adapter.apply(velocity)
+                return checked_velocity(sent)
         except AdapterError as error:
             self._fail(error)
             return None
@@ -84,12 +94,17 @@ class AdapterLink:
     def set_assist(self, level: AssistLevel) -> None:
         """Tell an adapter that assists how much of it."""
         if self._driving:
-            self._driving.set_assist(level)
+            self._tell(self._driving.set_assist, level)
 
     def take_floorplan(self, update: FloorPlanUpdate) -> None:
         """Give the server's map to an adapter that can use it."""
         if self._driving:
-            self._driving.take_floorplan(update)
+            self._tell(self._driving.take_floorplan, update)
+
+    def configure(self, config: Config) -> None:
+        """Tell the adapter what the server has configured."""
+        if self.up:
+            self._tell(self.adapter.configure, config)
 
     async def start(self, action: Action) -> None:
         """Begin an action, after what is being cancelled is gone: not every RCA can tell the two apart.
@@ -103,7 +118,8 @@ class AdapterLink:
             async with asyncio.timeout(START_TIME):
                 while self._cancelling:  # how these end is told to whoever wanted them cancelled
                     await asyncio.wait(self._cancelling)
-                await self.adapter.start(action)
+                with its_fault():
+                    await self.adapter.start(action)
         except TimeoutError as error:
             raise AdapterError("no answer") from error
 
@@ -125,7 +141,8 @@ class AdapterLink:
         self.up = False
         with contextlib.suppress(AdapterError, TimeoutError):
             async with asyncio.timeout(CLOSE_TIME):
-                await self.adapter.close()
+                with its_fault():
+                    await self.adapter.close()
 
     # --- inside ------------------------------------------------------------------------------------------------------
 
@@ -147,14 +164,15 @@ class AdapterLink:
     async def _cancel(self, action_id: str) -> None:
         try:
             async with asyncio.timeout(START_TIME):
-                await self.adapter.cancel(action_id)
+                with its_fault():
+                    await self.adapter.cancel(action_id)
         except TimeoutError as error:
             raise AdapterError(f"an action could not be cancelled: no answer within {START_TIME:.0f} s") from error
         except AdapterError as error:
             raise AdapterError(f"an action could not be cancelled: {error}") from error
 
     async def _states(self, listener: Listener) -> None:
-        states = self.adapter.states()
+        states = told_by(self.adapter.states)
         silent = asyncio.timeout(FIRST_READING)
         complaint = "it is silent"
         now = asyncio.get_running_loop().time
@@ -181,10 +199,61 @@ class AdapterLink:
             listener.adapter_changed(up=True)
 
     async def _progress(self, listener: Listener) -> None:
-        async for progress in self.adapter.progress():
+        async for progress in told_by(self.adapter.progress):
             listener.progressed(progress)
         await asyncio.Future()  # an adapter without actions has no more to say, and is not lost for that
+
+    def _tell(self, call: Callable[[Told], None], told: Told) -> None:
+        try:
+            with its_fault():
+                call(told)
+        except AdapterError as error:
+            self._fail(error)
 
     def _fail(self, error: AdapterError) -> None:
         if self._failure is not None and not self._failure.done():
             self._failure.set_exception(error)
+
+
+@contextlib.contextmanager
+def its_fault() -> Iterator[None]:
+    """Turn whatever an adapter raises, but for a time-out of ours, into an AdapterError.
+
+    Raises:
+        AdapterError: the adapter's own, or one that names what it raised.
+    """
+    try:
+        yield
+    except (AdapterError, TimeoutError):
+        raise
+    except Exception as error:
+        log.exception("adapter_raised")
+        raise AdapterError(f"{type(error).__name__}: {error}") from error
+
+
+async def told_by(source: Callable[[], AsyncIterator[Told]]) -> AsyncIterator[Told]:
+    """Yield what an adapter yields.
+
+    Raises:
+        AdapterError: the adapter's own, or one that names what it raised.
+    """
+    with its_fault():
+        told = source()
+    while True:
+        try:
+            with its_fault():
+                each = await anext(told)
+        except StopAsyncIteration:
+            return
+        yield each
+
+
+def checked_velocity(sent: object) -> Velocity:
+    """Return what an adapter says it has sent.
+
+    Raises:
+        AdapterError: it is no velocity.
+    """
+    if not isinstance(sent, Velocity) or not (math.isfinite(sent.linear) and math.isfinite(sent.angular)):
+        raise AdapterError(f"it says that it has sent {sent!r}, which is no velocity")
+    return sent

@@ -4,9 +4,10 @@ The pilot decides nothing that matters for safety: it asks the kernel, tells the
 """
 
 import asyncio
+import contextlib
 import functools
 import logging
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -117,6 +118,10 @@ class Pilot:
 
     def arrived(self, suffix: str, message: Any, *, retained: bool) -> None:
         """Take a message of the server."""
+        with self._surviving(suffix):
+            self._arrived(suffix, message, retained=retained)
+
+    def _arrived(self, suffix: str, message: Any, *, retained: bool) -> None:
         sender = Sender("mqtt", retained=retained)
         match message:
             case VelocityCommand() | Action():
@@ -139,6 +144,17 @@ class Pilot:
             case None if suffix == "lease":
                 self._lease(None, retained=retained)
 
+    @contextlib.contextmanager
+    def _surviving(self, suffix: str) -> Iterator[None]:
+        """Brake for a message that could not be dealt with, whichever way it came, and go on: the next one may be a stop."""
+        try:
+            yield
+        except Exception:
+            log.exception("message_failed suffix=%s", suffix)
+            self.rejected("failed")
+            self._kernel.brake(self._times.now())
+            self.turn_wheels()
+
     def rejected(self, reason: str) -> None:
         """Count what could not be decoded."""
         self._kernel.refused[reason] += 1
@@ -159,6 +175,10 @@ class Pilot:
 
     def frame(self, peer: str, role: Role, frame: str | bytes) -> None:
         """Take a frame of a page. Who may drive is said by the lease, so every peer's frames come here."""
+        with self._surviving("frame"):
+            self._frame(peer, role, frame)
+
+    def _frame(self, peer: str, role: Role, frame: str | bytes) -> None:
         try:
             suffix, message = codec.decode_frame(frame, "to_robot")
         except Rejection as rejection:
@@ -202,7 +222,7 @@ class Pilot:
             self.reports.connected()
             self._clear_fault(ADAPTER_LOST)
             if self._config is not None:
-                self._adapter.adapter.configure(self._config)
+                self._adapter.configure(self._config)
             if self._was_up:
                 self.reports.event("adapter_back")
             self._was_up = True
@@ -335,7 +355,7 @@ class Pilot:
 
     def _look_after_standstill(self) -> None:
         """Say that the robot moves though it is told to stand, for as long as it does."""
-        if not self._kernel.runs_on(self._times.now()):
+        if not (self._adapter.up and self._kernel.runs_on(self._times.now())):
             self.reports.errors.pop(RUNS_ON, None)
         elif RUNS_ON not in self.reports.errors:
             log.error("robot_runs_on velocity=%s", self.reports.reading.velocity)
@@ -365,8 +385,7 @@ class Pilot:
         self._calls.rule = config.calls
         self._set_assist()
         self._set_networks()
-        if self._adapter.up:
-            self._adapter.adapter.configure(config)
+        self._adapter.configure(config)
         for door, state in config.doors.items():
             if before is not None and before.doors.get(door) != state:
                 self.reports.event("door_changed", detail=f"{door} {state}")

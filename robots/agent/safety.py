@@ -317,6 +317,11 @@ class Kernel:
         self._halt("stopped", now)
         return True
 
+    def brake(self, now: float) -> None:
+        """Brake for a reason of the agent's own, and wait until the driver has let go."""
+        self._hold_on(now)
+        self._halt("stopped", now)
+
     def estop(self, action: EStop, sender: Sender, *, now: float, unix: float) -> bool:
         """Brake and latch. Return False when it only repeats one that was obeyed."""
         if self._repeats("estop", action.action_id, now):

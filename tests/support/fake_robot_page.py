@@ -336,6 +336,7 @@ class FakeRobotPage:
                 self.simulation.command(decision.velocity.linear, decision.velocity.angular)
                 self.kernel.applied(decision.velocity)
             self.simulation.step(TICK)
+            self.kernel.measured(self._velocity(), now)
             if tick % 10 == 0 and self.online:
                 self._say("heartbeat", self.kernel.clocks.beat(now, time.time()))
             if tick % 12 == 0 and self.online:

@@ -1,0 +1,146 @@
+"""What an adapter raises, where it hangs and what nonsense it returns is its own fault: the robot brakes, the reason is told, and it drives again."""
+
+import asyncio
+import contextlib
+import math
+
+import pytest
+
+from robots.agent.motion import ZERO
+from robots.api import messages as m
+from tests.support.control_rig import ControlRig, own, stamped
+from tests.support.scripted_robot import NavigatingRobot
+
+REASONS = {"raises": "ZeroDivisionError: in its SDK", "hangs": "", "returns nonsense": ""}
+
+
+class FaultyRobot(NavigatingRobot):
+    """`faulty` names the call that does what `fault` says."""
+
+    faulty, fault = "", "raises"
+
+    async def _maybe(self, call):
+        if call == self.faulty and self.fault == "raises":
+            raise ZeroDivisionError("in its SDK")
+        if call == self.faulty and self.fault == "hangs":
+            await asyncio.sleep(30.0)
+
+    async def connect(self):
+        await self._maybe("connect")
+        await super().connect()
+
+    def apply(self, velocity):
+        if self.faulty == "apply" and self.fault == "raises":
+            raise ZeroDivisionError("in its SDK")
+        sent = super().apply(velocity)
+        return "ok" if self.faulty == "apply" and self.fault == "returns nonsense" else sent
+
+    async def start(self, action):
+        await self._maybe("start")
+        await super().start(action)
+
+    async def cancel(self, action_id):
+        await self._maybe("cancel")
+        await super().cancel(action_id)
+
+    async def states(self):
+        async for reading in super().states():
+            await self._maybe("states")
+            if self.faulty == "states" and self.fault == "returns nonsense":
+                yield reading.__class__(**{**vars(reading), "velocity": m.Velocity(linear=math.nan, angular=0.0)})
+            else:
+                yield reading
+
+
+@pytest.fixture
+def rig(tmp_path):
+    rig = ControlRig(tmp_path, robot=FaultyRobot())
+    rig.robot.times = rig.time.times
+    with rig:
+        rig.grant()
+        yield rig
+
+
+def told_why(rig):
+    return rig.link.wait("state", lambda s: s.errors, since=rig.link.count, within=40.0).errors
+
+
+def drives_again(rig):
+    rig.robot.faulty = ""
+    rig.wait(lambda: rig.kernel.fault is None and rig.kernel.stands, 60.0)
+    epoch = 2
+    rig.lease(epoch=epoch)
+    rig.know_clock()
+    rig.drive(0.0, epoch=epoch, until=lambda: not rig.kernel.held)
+    rig.drive(0.4, epoch=epoch)
+
+
+@pytest.mark.parametrize(
+    ("call", "fault"),
+    [("apply", "raises"), ("apply", "returns nonsense"), ("states", "raises"), ("states", "hangs"), ("states", "returns nonsense")],
+)
+def test_a_fault_while_driving_stops_the_robot_is_named_and_passes(rig, call, fault):
+    rig.drive(0.5)
+    rig.robot.faulty, rig.robot.fault = call, fault
+    begun = rig.now()
+    # A silent or nonsensical robot is lost after two seconds; until then its driver stays in command.
+    with contextlib.suppress(AssertionError):
+        rig.drive(0.5, until=lambda: rig.kernel.fault is not None, within=4.0)
+    assert rig.kernel.fault == "adapter_lost"
+    lost = rig.now()
+    assert lost - begun < 2.2
+    rig.sleep(rig.robot.profile.watchdog + 0.05)
+    assert rig.robot.base_at(rig.now()) == ZERO
+    (why,) = told_why(rig)
+    assert why.startswith("adapter_lost: ")
+    assert REASONS[fault] in why
+    drives_again(rig)
+
+
+@pytest.mark.parametrize("fault", ["raises", "hangs"])
+def test_a_connection_that_raises_or_hangs_is_tried_again(rig, fault):
+    rig.drive(0.5)
+    rig.robot.faulty, rig.robot.fault = "connect", fault
+    rig.robot.lost = "the cable is out"
+    rig.wait(lambda: rig.kernel.fault is not None)
+    rig.robot.lost = ""
+    (why,) = rig.link.wait("state", lambda s: any("cable" not in error for error in s.errors), since=rig.link.count, within=60.0).errors
+    assert (REASONS["raises"] if fault == "raises" else "no answer within 30 s") in why
+    drives_again(rig)
+
+
+@pytest.mark.parametrize("fault", ["raises", "hangs"])
+def test_an_action_that_raises_or_hangs_has_failed_and_its_driver_drives_on(rig, fault):
+    rig.drive(0.5)
+    rig.robot.faulty, rig.robot.fault = "start", fault
+    rig.act(own(m.Goto, x=1.0, y=1.0))
+    for _ in range(3):
+        rig.beat()
+        rig.sleep(0.2)
+    if fault == "raises":
+        assert rig.status("a1", "FAILED").reason == REASONS["raises"]
+    rig.drive(0.3)
+    assert rig.kernel.fault is None
+
+
+def test_a_cancel_that_raises_is_named_and_tried_again(rig):
+    rig.act(own(m.Goto, x=1.0, y=1.0))
+    rig.wait(lambda: rig.robot.going)
+    rig.robot.faulty = "cancel"
+    rig.act(stamped(m.Stop, "stop-1"), way="datachannel", peer="p2")
+    assert any(REASONS["raises"] in error for error in told_why(rig))
+    assert rig.kernel.fault is None
+    rig.robot.faulty = ""
+    rig.status("a1", "CANCELLED", within=10.0)
+
+
+@pytest.mark.parametrize("way", ["datachannel", "mqtt"])
+def test_a_message_that_cannot_be_dealt_with_stops_the_robot_on_either_way_and_the_next_is_heard(rig, way, monkeypatch):
+    rig.drive(0.5)
+    with monkeypatch.context() as broken:
+        broken.setattr(rig.kernel, "permit", lambda *_, **__: 1 / 0)
+        rig.act(own(m.Tilt, "t1", angle=0.1), way=way)
+        rig.wait(lambda: rig.robot.told == ZERO)
+    assert rig.link.wait("state", lambda s: s.refused.get("failed")).boot == "boot-1"
+    rig.drive(0.0, until=lambda: not rig.kernel.held)
+    rig.drive(0.5)
