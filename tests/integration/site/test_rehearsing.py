@@ -7,7 +7,7 @@ import pytest
 from tests.support.short_study import bots_command, store_in
 from tests.support.site import Site
 
-pytestmark = pytest.mark.broker
+pytestmark = [pytest.mark.broker, pytest.mark.soak]
 
 
 @pytest.fixture(scope="module")
