@@ -89,7 +89,8 @@ class Safety(Message, frozen=True, kw_only=True):
     """What keeps the robot from moving.
 
     `inhibited` names the reason in one word when commands are refused for a state of the robot: `estop`, `stopped`, `no_lease`,
-    `collision`, `fault`. `stop_seq` and `stop_id` echo the newest stop, so that its sender can stop repeating it.
+    `collision` (it can only be driven away from what it has touched), `fault`. `stop_seq` and `stop_id` echo the newest stop, so that its
+    sender can stop repeating it.
     """
 
     estop: bool = False
@@ -347,7 +348,11 @@ class Event(Message, frozen=True, kw_only=True):
 
 
 class ActionStatus(Message, frozen=True, kw_only=True):
-    """`action`: how far an action is. `reason` is one word or a short sentence when it FAILED or was CANCELLED."""
+    """`action`: how far an action is. `reason` is one word or a short sentence when it FAILED or was CANCELLED.
+
+    An action that moves the robot begins when the robot was measured to stand, and is at its end, a `cancel` of it too, when it was
+    measured to stand again.
+    """
 
     action_id: Id
     status: ActionState
@@ -428,7 +433,7 @@ class Lease(Message, frozen=True, kw_only=True):
 
     A copy that the broker delivers from its store (retain = 1) tells the epoch and never permits driving. `methods`, `ways` and
     `actions` are the only input methods, ways of control and types of actions that the driver is allowed (else: `not_allowed`); absent
-    means all. Nobody is kept from `stop`, `estop` and `cancel`.
+    means all. Nobody is kept from `stop`, `estop` and `cancel`. Limits that are lowered hold at once, though the lease was not renewed.
     """
 
     session: Id

@@ -305,6 +305,7 @@ describe("I press and nothing moves", () => {
     ["stuck.stopping", { stopping: true }, {}],
     ["stuck.no_picture", { playing: false }, {}],
     ["stuck.held", {}, { safety: { inhibited: "stopped" } }],
+    ["stuck.contact", {}, { safety: { inhibited: "collision" } }],
     ["stuck.not_yours", {}, { safety: { inhibited: "no_lease" } }],
     ["stuck.late", {}, { refused: { stale: 9, clock_unknown: 1 } }],
     ["stuck.old_picture", {}, { refused: { frame_stale: 3 } }],

@@ -52,6 +52,9 @@ const robotSays = ({ safety, refused, errors }) => {
   if (safety.inhibited === "stopped" || safety.inhibited === "no_lease") {
     return { word: safety.inhibited === "stopped" ? "stuck.held" : "stuck.not_yours" };
   }
+  if (safety.inhibited === "collision") {
+    return { word: "stuck.contact" };
+  }
   const [most] = Object.entries(refused ?? {}).sort(([, one], [, other]) => other - one).filter(([reason]) => reason in REFUSALS);
   if (most) {
     return { word: `stuck.${REFUSALS[most[0]]}` };
