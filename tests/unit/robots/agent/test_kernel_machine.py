@@ -1,0 +1,341 @@
+"""The safety kernel against a model of the world: whatever happens in whatever order, its promises hold.
+
+A base that does what it was told last, or what its own architecture tells it, is measured and driven; a much simpler account of who may
+do what is kept beside the kernel. `pytest --hypothesis-profile=search` looks for sequences that nobody has tried yet.
+"""
+
+import math
+
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
+
+from robots.agent.latch import BUTTON
+from robots.agent.lease import Remembered
+from robots.agent.motion import ZERO
+from robots.agent.permissions import Sender
+from robots.agent.safety import MAX_STEP, STANDSTILL, STANDSTILL_TURNING, Kernel
+from robots.api import messages as m
+from tests.support.kernel_bench import DRIVER_CLOCK, LIMITS, TICK, Bench
+
+SEARCH = settings.get_current_profile_name() == "search"
+SLACK = 1e-9
+GOING = m.Velocity(linear=0.5, angular=0.2)  # how an architecture drives by itself
+LET_GO = 1.0  # s of silence of the hands, while heartbeats come
+
+speeds = st.sampled_from([0.0, 0.0, 0.7, 0.3, -0.4, 5.0, -5.0])
+ways = st.sampled_from(["datachannel", "mqtt"])
+numbers = st.integers(0, 5)
+
+
+def moves(velocity):
+    return abs(velocity.linear) > STANDSTILL or abs(velocity.angular) > STANDSTILL_TURNING
+
+
+class KernelMachine(RuleBasedStateMachine):
+    """One robot. `base` is how it really moves."""
+
+    def __init__(self):
+        super().__init__()
+        self.bench = Bench()
+        self.kernel = self.bench.kernel
+        self.base, self.told, self.told_at = ZERO, ZERO, -math.inf
+        self.goes = self.obeys = False  # the architecture drives; it would take a cancel
+        self.wish = None  # of the agent's own navigation
+        self.own = False
+        self.latched = False
+        self.held = False  # a stop of somebody else waits for the driver to let go
+        self.quiet_since = self.beat_at = -math.inf
+        self.epoch = self.renewal = 0
+        self.caps = m.LeaseLimits()
+        self.faulty = False
+
+    @property
+    def now(self):
+        return self.bench.now
+
+    @initialize()
+    def begins(self):
+        self.grants(known=True)
+        self.lets_go()
+
+    # --- who drives --------------------------------------------------------------------------------------------------
+
+    @rule(known=st.just(True), ttl=st.sampled_from([0.3, 10.0]), linear=st.sampled_from([None, 0.2]))
+    def grants(self, known, ttl=10.0, linear=None):
+        self.epoch, self.renewal, self.caps = self.epoch + 1, 0, m.LeaseLimits(linear=linear)
+        self.bench.lease(session=f"s{self.epoch}", epoch=self.epoch, ttl=ttl, limits=self.caps)
+        if known:
+            self.bench.know_clock()
+            self.beats(self.now)
+        self.held = False  # whoever held a key is gone
+
+    @rule(linear=st.sampled_from([None, 0.1, 0.5]))
+    def renews(self, linear):
+        self.renewal, self.caps = self.renewal + 1, m.LeaseLimits(linear=linear)
+        self.bench.lease(session=f"s{self.epoch}", epoch=self.epoch, renewal=self.renewal, limits=self.caps)
+
+    @rule(linear=st.sampled_from([0.05, 0.15]))
+    def lowers(self, linear):
+        if self.kernel.leases.live(self.now) is not None:
+            self.caps = m.LeaseLimits(linear=min(linear, self.caps.linear or math.inf))
+        self.bench.lease(session=f"s{self.epoch}", epoch=self.epoch, renewal=self.renewal, limits=m.LeaseLimits(linear=linear))
+
+    @rule(back=st.integers(1, 3), retained=st.booleans())
+    def an_old_lease_comes(self, back, retained):
+        before = self.kernel.leases.live(self.now)
+        old = self.epoch - back
+        self.bench.lease(session=f"s{old}", epoch=max(0, old), renewal=9, retained=retained)
+        after = self.kernel.leases.live(self.now)
+        assert before is None or after is None or after.epoch == before.epoch
+        if after is not None and after.epoch != self.epoch:  # the server's counter began anew
+            self.epoch, self.renewal, self.caps = after.epoch, 9, m.LeaseLimits()
+            self.held = False
+
+    @rule()
+    def takes_the_lease_back(self):
+        self.kernel.take_lease(None, retained=False, now=self.now)
+
+    def beats(self, now, way="datachannel"):
+        if now - self.beat_at > 0.5:
+            self.quiet_since = max(self.quiet_since, now)
+        self.beat_at = now
+        self.kernel.heard("p1", way, now)
+        lease = self.kernel.leases.live(now)
+        if lease is not None and now - self.quiet_since >= LET_GO - SLACK:
+            self.held = False
+
+    @rule(way=ways, seconds=st.sampled_from([0.2, 1.3]))
+    def is_heard(self, way, seconds):
+        for _ in range(round(seconds / 0.2)):
+            self.passes(10)
+            self.beats(self.now, way)
+
+    # --- velocities --------------------------------------------------------------------------------------------------
+
+    @rule(linear=speeds, angular=speeds, way=ways, late=st.sampled_from([0.0, 0.0, 0.2, 0.4]), times=st.integers(1, 8))
+    def drives(self, linear, angular, way, late, times):
+        for _ in range(times):
+            command = self.bench.command(linear, angular, age=late, session=f"s{self.epoch}", epoch=self.epoch)
+            moving = bool(linear or angular)
+            verdict = self.kernel.velocity(command, Sender(way, "p1"), now=self.now, unix=self.bench.unix)
+            if moving:
+                self.quiet_since = self.now
+                assert verdict.reason is not None or not self.held, "a key that was held all the time moves the robot"
+            elif verdict.reason in {None, "navigating", "estop", "fault"}:
+                self.held = False
+            if verdict.reason is None:
+                assert not self.latched
+                assert not self.faulty
+                assert self.kernel.leases.live(self.now) is not None
+            self.passes(3)
+
+    @rule(linear=speeds, peer=st.sampled_from(["p1", "p2"]), back=st.integers(0, 3))
+    def an_old_copy_comes(self, linear, peer, back):
+        command = self.bench.command(linear, session=f"s{self.epoch}", epoch=self.epoch, seq=max(0, self.bench.seq - back))
+        assert self.kernel.velocity(command, Sender("datachannel", peer), now=self.now, unix=self.bench.unix).reason is not None
+
+    def lets_go(self):
+        self.drives(0.0, 0.0, "datachannel", 0.0, 1)
+
+    # --- stops -------------------------------------------------------------------------------------------------------
+
+    @rule(way=ways, peer=st.sampled_from(["p1", "p2"]), role=st.sampled_from(["driver", "observer", "staff"]), number=numbers)
+    def stops(self, way, peer, role, number):
+        own = (way == "datachannel" and peer == "p1") or (way == "mqtt" and role == "driver")
+        own = own and self.kernel.leases.live(self.now) is not None
+        self.bench.seq += 1
+        obeyed = self.bench.stop(
+            action_id=f"id-{number}", seq=self.bench.seq, way=way, peer=peer, role=role, session=f"s{self.epoch}", epoch=self.epoch
+        )
+        assert self.kernel.stop_id == f"id-{number}"
+        if obeyed:
+            assert self.kernel.navigation is None
+            self.navigation_is_over()
+            if not own:
+                self.is_held()
+        self.sees(self.bench.outputs[-1][1])
+
+    @rule(way=ways, role=st.sampled_from(["driver", "observer", "staff", "screen"]), number=numbers)
+    def is_stopped_for_good(self, way, role, number):
+        if self.bench.estop(action_id=f"id-{number}", way=way, peer="p2", role=role):
+            self.latched = True
+            self.navigation_is_over()
+        self.sees(self.bench.outputs[-1][1])
+
+    @rule(pressed=st.booleans())
+    def a_button(self, pressed):
+        if self.kernel.button(pressed=pressed, now=self.now, unix=self.bench.unix):
+            self.latched = True
+            self.navigation_is_over()
+
+    @rule(role=st.sampled_from(["driver", "observer", "screen", "staff", "owner"]), user=st.sampled_from(["", "ops"]))
+    def somebody_clears(self, role, user):
+        latch, pressed = self.kernel.latch, self.kernel.button_pressed
+        if self.bench.ask(m.ClearEStop(action_id="c", stamp=self.bench.unix, role=role, user=user)) is not None:
+            return
+        assert not pressed
+        assert role in {"screen", "staff", "owner"}
+        assert user
+        assert latch is None or latch.source != BUTTON or role == "owner"
+        self.kernel.clear_estop(self.now)
+        if self.latched:
+            self.is_held()
+        self.latched = False
+
+    def is_held(self):
+        if self.kernel.leases.live(self.now) is not None:
+            self.held = True
+            self.quiet_since = self.beat_at = self.now
+
+    # --- what drives by itself ---------------------------------------------------------------------------------------
+
+    @rule(own=st.booleans(), obeys=st.booleans(), server=st.booleans())
+    def is_sent_somewhere(self, own, obeys, server):
+        if self.latched or self.faulty or self.kernel.held:
+            return
+        self.navigation_is_over()
+        self.kernel.navigate("g", "goto", ordered_by_server=server, now=self.now)
+        self.own, self.obeys, self.wish = own, obeys, GOING if own else None
+
+    @rule(linear=speeds, angular=speeds)
+    def wishes(self, linear, angular):
+        if self.own and self.kernel.navigation:
+            self.wish = m.Velocity(linear=linear, angular=angular)
+
+    @precondition(lambda self: self.kernel.navigation is not None)
+    @rule(by_itself=st.booleans())
+    def arrives_or_is_cancelled(self, by_itself):
+        if by_itself:
+            self.goes = False
+            self.kernel.navigation_ended("g")
+        else:
+            self.kernel.cancel("g")
+        self.navigation_is_over()
+
+    @rule()
+    def an_architecture_gives_up(self):
+        self.goes = False
+
+    def navigation_is_over(self):
+        self.wish, self.own = None, False
+        if self.obeys:
+            self.goes = False
+
+    # --- faults ------------------------------------------------------------------------------------------------------
+
+    @rule(broken=st.booleans())
+    def its_base_is(self, broken):
+        if broken:
+            self.kernel.set_fault("adapter_lost")
+            self.navigation_is_over()
+        elif self.faulty:
+            self.kernel.clear_fault(self.now)
+            self.told = ZERO
+            self.is_held()
+        self.faulty = self.kernel.fault is not None
+
+    @rule()
+    def touches_something(self):
+        self.kernel.touched()
+
+    @rule()
+    def its_agent_begins_anew(self):
+        lease, latch = self.kernel.leases.newest, self.kernel.latch
+        newest = None if lease is None else Remembered(lease.session, lease.epoch, lease.renewal, lease.stamp)
+        self.bench.kernel = self.kernel = Kernel(LIMITS, self.bench.watchdog, self.bench.capabilities, latch=latch, newest_lease=newest)
+        assert (self.kernel.latch is not None) == self.latched
+        self.faulty = False
+        self.navigation_is_over()
+        self.goes = False
+        self.told, self.told_at, self.held = ZERO, -math.inf, False
+        self.renewal += 1
+        self.bench.lease(session=f"s{self.epoch}", epoch=self.epoch, renewal=self.renewal, limits=self.caps)
+        self.bench.know_clock()
+        self.is_held()
+
+    @rule(step=st.sampled_from([-3600.0, -0.3, 0.3, 3600.0]))
+    def the_clock_of_a_page_steps(self, step):
+        beat = self.kernel.clocks.beat(self.now, self.bench.unix)
+        there = self.bench.unix + DRIVER_CLOCK + step
+        answer = m.CommandHeartbeat(n=beat.n, stamp=there, peer="p1", echo=m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=there))
+        self.kernel.clocks.heard("p1", "mqtt", answer, now=self.now, unix=self.bench.unix)
+
+    @rule(seconds=st.sampled_from([0.05, 0.29, 0.6, 1.05, 3.0]))
+    def nobody_gets_to_anything(self, seconds):
+        """The loop itself is held up: the base's watchdog is all that is left."""
+        self.bench.now += seconds
+        self.base_moves()
+        self.passes(1)
+
+    @rule(ticks=st.sampled_from([1, 5, 20, 60]))
+    def passes(self, ticks):
+        for _ in range(ticks):
+            self.bench.now += TICK
+            self.base_moves()
+            self.kernel.measured(self.base, self.now)
+            running = self.kernel.navigation
+            decision = self.kernel.tick(self.now, self.wish if running is not None else None)
+            if self.kernel.navigation is None and running is not None:
+                self.navigation_is_over()
+            self.sees(decision)
+
+    def base_moves(self):
+        silent = self.now - self.told_at > self.bench.watchdog
+        self.base = GOING if self.goes else ZERO if silent else self.told
+        if self.kernel.leases.live(self.now) is None:
+            self.held = False
+
+    # --- what is promised --------------------------------------------------------------------------------------------
+
+    def sees(self, decision):
+        """Judge what the base is told, and pass it on."""
+        velocity, running = decision.velocity, self.kernel.navigation
+        if velocity is None:
+            handed_over = running is not None and running.may_begin and self.wish is None
+            assert handed_over or not moves(self.base), f"nobody drives, and the robot is left moving: {decision.why}"
+            if handed_over and not self.goes:
+                assert not moves(self.base), "an architecture begins with a moving robot"
+                self.goes = True
+            return
+        before = self.told
+        if moves(self.base) and abs(self.base.linear) > abs(before.linear):
+            before = self.base  # as the architecture has left it
+        drives = decision.why in {"driving", "navigating"}
+        for old, new, limit, up, down in (
+            (
+                before.linear,
+                velocity.linear,
+                LIMITS.linear if velocity.linear > 0 else LIMITS.reverse,
+                LIMITS.linear_acceleration,
+                LIMITS.linear_braking,
+            ),
+            (before.angular, velocity.angular, LIMITS.angular, LIMITS.angular_acceleration, LIMITS.angular_braking),
+        ):
+            assert abs(new) <= limit + SLACK
+            if drives:
+                assert abs(new) <= abs(old) + up * MAX_STEP + SLACK
+            else:
+                assert abs(new) <= max(abs(old), abs(self.base.angular), abs(self.base.linear)) + SLACK
+                assert new * old >= 0.0
+            del down
+        if self.latched or self.faulty or self.held:
+            assert not drives
+        if drives and self.caps.linear is not None:
+            braking = LIMITS.linear_braking * TICK
+            assert abs(velocity.linear) <= max(self.caps.linear, abs(before.linear) - braking * 0.5) + SLACK
+        self.told, self.told_at = velocity, self.now
+        self.kernel.applied(velocity)
+
+    @invariant()
+    def a_latch_is_released_by_nothing_but_its_release(self):
+        assert (self.kernel.latch is not None) == self.latched
+
+    @invariant()
+    def what_cannot_move_says_why(self):
+        if self.latched or self.faulty:
+            assert self.kernel.inhibited(self.now) in {"estop", "fault"}
+
+
+TestKernelMachine = KernelMachine.TestCase
+TestKernelMachine.settings = settings(max_examples=2000 if SEARCH else 60, stateful_step_count=100 if SEARCH else 50)
