@@ -49,6 +49,7 @@ class KernelMachine(RuleBasedStateMachine):
         self.epoch = self.renewal = 0
         self.caps = m.LeaseLimits()
         self.faulty = False
+        self.taken = -1  # the highest number that this run of the agent has taken under this lease
 
     @property
     def now(self):
@@ -69,6 +70,7 @@ class KernelMachine(RuleBasedStateMachine):
             self.bench.know_clock()
             self.beats(self.now)
         self.held = False  # whoever held a key is gone
+        self.taken = -1
 
     @rule(linear=st.sampled_from([None, 0.1, 0.5]))
     def renews(self, linear):
@@ -90,7 +92,7 @@ class KernelMachine(RuleBasedStateMachine):
         assert before is None or after is None or after.epoch == before.epoch
         if after is not None and after.epoch != self.epoch:  # the server's counter began anew
             self.epoch, self.renewal, self.caps = after.epoch, 9, m.LeaseLimits()
-            self.held = False
+            self.held, self.taken = False, -1
 
     @rule()
     def takes_the_lease_back(self):
@@ -124,6 +126,8 @@ class KernelMachine(RuleBasedStateMachine):
                 assert verdict.reason is not None or not self.held, "a key that was held all the time moves the robot"
             elif verdict.reason in {None, "navigating", "estop", "fault"}:
                 self.held = False
+            if verdict.reason in {None, "navigating", "estop", "fault", "stopped"}:
+                self.taken = command.seq
             if verdict.reason is None:
                 assert not self.latched
                 assert not self.faulty
@@ -132,7 +136,9 @@ class KernelMachine(RuleBasedStateMachine):
 
     @rule(linear=speeds, peer=st.sampled_from(["p1", "p2"]), back=st.integers(0, 3))
     def an_old_copy_comes(self, linear, peer, back):
-        command = self.bench.command(linear, session=f"s{self.epoch}", epoch=self.epoch, seq=max(0, self.bench.seq - back))
+        if self.taken < back and peer == "p1":
+            return
+        command = self.bench.command(linear, session=f"s{self.epoch}", epoch=self.epoch, seq=max(0, self.taken - back))
         assert self.kernel.velocity(command, Sender("datachannel", peer), now=self.now, unix=self.bench.unix).reason is not None
 
     def lets_go(self):
@@ -248,7 +254,7 @@ class KernelMachine(RuleBasedStateMachine):
         self.faulty = False
         self.navigation_is_over()
         self.goes = False
-        self.told, self.told_at, self.held = ZERO, -math.inf, False
+        self.told, self.told_at, self.held, self.taken = ZERO, -math.inf, False, -1
         self.renewal += 1
         self.bench.lease(session=f"s{self.epoch}", epoch=self.epoch, renewal=self.renewal, limits=self.caps)
         self.bench.know_clock()
