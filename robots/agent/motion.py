@@ -61,6 +61,15 @@ def ramp(current: Velocity, target: Velocity, limits: Limits, *, dt: float, dt_u
     )
 
 
+def no_faster(velocity: Velocity, motion: Velocity) -> Velocity:
+    """Return the velocity with no axis faster than in `motion`, and none the other way."""
+
+    def least(one: float, other: float) -> float:
+        return 0.0 if one * other <= 0.0 else math.copysign(min(abs(one), abs(other)), one)
+
+    return Velocity(linear=least(velocity.linear, motion.linear), angular=least(velocity.angular, motion.angular))
+
+
 def approach(value: float, target: float, acceleration: float, braking: float, *, dt: float, dt_up: float) -> float:
     """Return one axis of `ramp`."""
     sign = 1.0 if value > 0 or (value == 0 and target >= 0) else -1.0

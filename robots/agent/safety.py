@@ -27,7 +27,7 @@ from robots.agent.hold import Hold
 from robots.agent.latch import BUTTON, Latch, stricter
 from robots.agent.latch import refusal as latch_refusal
 from robots.agent.lease import LeaseKeeper, Remembered
-from robots.agent.motion import ZERO, Caps, assist_speed, caps, check_times, ramp
+from robots.agent.motion import ZERO, Caps, assist_speed, caps, check_times, no_faster, ramp
 from robots.agent.permissions import MOVING, Sender, forbidden, mismatch, refusal, role_of, staleness
 from robots.api.messages import Action, AssistLevel, Capability, ClearEStop, EStop, Lease, Limits, Mode, Stop, Velocity, VelocityCommand, Way
 
@@ -377,7 +377,9 @@ class Kernel:
     def navigation_ended(self, action_id: str) -> None:
         """The robot has come to the end of what it did by itself."""
         if self.navigation and self.navigation.action_id == action_id:
+            left_by_itself = self._hands_off
             self._leave_navigation()
+            self._current = ZERO if left_by_itself else self._current
 
     def cancel(self, action_id: str | None) -> str | None:
         """Cancel the navigation named, or whatever runs; return its id, None when there was none."""
@@ -486,6 +488,8 @@ class Kernel:
 
     def _output(self, target: Velocity, why: str, now: float) -> Decision:
         self._approach(target, now)
+        if self._yields:  # what the robot has lost of the speed at which it was left, it is not given again
+            self._current = no_faster(self._current, self._motion)
         if self._current == ZERO and not self._restless:
             return Decision(None, "idle")
         self._output_at = now

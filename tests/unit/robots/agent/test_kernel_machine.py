@@ -14,7 +14,7 @@ from robots.agent.latch import BUTTON
 from robots.agent.lease import Remembered
 from robots.agent.motion import ZERO
 from robots.agent.permissions import Sender
-from robots.agent.safety import MAX_STEP, STANDSTILL, STANDSTILL_TURNING, Kernel
+from robots.agent.safety import MAX_STEP, SAME_STOP, STANDSTILL, STANDSTILL_TURNING, Kernel
 from robots.api import messages as m
 from tests.support.kernel_bench import DRIVER_CLOCK, LIMITS, TICK, Bench
 
@@ -44,6 +44,7 @@ class KernelMachine(RuleBasedStateMachine):
         self.wish = None  # of the agent's own navigation
         self.own = False
         self.latched = False
+        self.pressed_at = {}  # e-stops by their number
         self.held = False  # a stop of somebody else waits for the driver to let go
         self.quiet_since = self.beat_at = -math.inf
         self.epoch = self.renewal = 0
@@ -166,7 +167,10 @@ class KernelMachine(RuleBasedStateMachine):
     def is_stopped_for_good(self, way, role, number):
         if self.bench.estop(action_id=f"id-{number}", way=way, peer="p2", role=role):
             self.latched = True
+            self.pressed_at[number] = self.now
             self.navigation_is_over()
+        else:
+            assert self.now - self.pressed_at.get(number, -math.inf) < SAME_STOP, "an e-stop that repeats none was not obeyed"
         self.sees(self.bench.outputs[-1][1])
 
     @rule(pressed=st.booleans())
@@ -255,6 +259,7 @@ class KernelMachine(RuleBasedStateMachine):
         self.navigation_is_over()
         self.goes = False
         self.told, self.told_at, self.held, self.taken = ZERO, -math.inf, False, -1
+        self.pressed_at = {}
         self.renewal += 1
         self.bench.lease(session=f"s{self.epoch}", epoch=self.epoch, renewal=self.renewal, limits=self.caps)
         self.bench.know_clock()
@@ -308,6 +313,8 @@ class KernelMachine(RuleBasedStateMachine):
         if moves(self.base) and abs(self.base.linear) > abs(before.linear):
             before = self.base  # as the architecture has left it
         drives = decision.why in {"driving", "navigating"}
+        against = self.goes and decision.why == "driving" and velocity != ZERO
+        assert not against, "a driver drives against an architecture that has not let go yet"
         for old, new, limit, up, down in (
             (
                 before.linear,
@@ -327,7 +334,7 @@ class KernelMachine(RuleBasedStateMachine):
             del down
         if self.latched or self.faulty or self.held:
             assert not drives
-        if drives and self.caps.linear is not None:
+        if drives and self.caps.linear is not None and self.kernel.leases.live(self.now) is not None:
             braking = LIMITS.linear_braking * TICK
             assert abs(velocity.linear) <= max(self.caps.linear, abs(before.linear) - braking * 0.5) + SLACK
         self.told, self.told_at = velocity, self.now
@@ -344,4 +351,4 @@ class KernelMachine(RuleBasedStateMachine):
 
 
 TestKernelMachine = KernelMachine.TestCase
-TestKernelMachine.settings = settings(max_examples=2000 if SEARCH else 60, stateful_step_count=100 if SEARCH else 50)
+TestKernelMachine.settings = settings(max_examples=2000 if SEARCH else 200, stateful_step_count=100 if SEARCH else 50)
