@@ -90,14 +90,15 @@ class Actions:
         self._final: dict[str, ActionStatus] = {}  # what is true once the robot stands, and not before
 
     def tick(self) -> None:
-        """Begin what waited for the robot to stand, and say what is true now that it does."""
+        """Begin what waited for the robot to stand, and say what is true now that it does, or that a driver has it."""
         waiting, running = self._waiting, self._kernel.navigation
         if waiting is not None and (running is None or running.action_id != waiting.action_id):
             self._waiting = None
         elif waiting is not None and running is not None and running.may_begin:
             self._waiting = None
             self._spawn(self._start(waiting))
-        if self._final and (self._kernel.stands or self._kernel.fault):
+        is_driven = self._kernel.braking(self._times.now()) is None
+        if self._final and (self._kernel.stands or self._kernel.fault or is_driven):
             final, self._final = self._final, {}
             self._reports.errors.pop(CANCEL, None)
             for status in final.values():
