@@ -157,9 +157,9 @@ def test_a_robot_goes_home_after_a_visit_and_whoever_waits_is_told_so_and_then_g
     offer(gil, "task.done.relocalize", within=20)
     hans.wait_for("phase", "queued")
     site.django("from robots.models import Robot; Robot.objects.update(returns_home=True)")
+    stranger.page.goto("/")  # before it sets out: its way is short
     gil.leave()
     expect(hans.page.locator("#card")).to_have_attribute("data-card", "queued.returning", timeout=40_000)
-    stranger.page.goto("/")
     expect(stranger.page.locator("[data-robot=giraff]")).to_contain_text("On its way home")
     keep_at_all_sizes(hans.page, "queue")
     hans.wait_for("phase", "turn", within=60)
