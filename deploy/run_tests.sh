@@ -10,12 +10,12 @@ logs=$(mktemp -d)
 trap 'kill $(jobs -p) 2>/dev/null || true; rm -rf "$logs"' EXIT
 step() { printf '\n== %s (%s s)\n' "$1" "$(($(date +%s) - started))"; }
 
-# Tests wait for real servers half of their time: more of them than cores run side by side.
+# Tests wait for real servers half of their time: two of these run side by side on each core.
 cores=$(getconf _NPROCESSORS_ONLN)
 pytest() { "$BIN/python" -m pytest -q --durations 10 --durations-min 1 "$@" ${PYTEST_ARGS:-}; }
 side_by_side() { pytest --dist loadfile --no-loadscope-reorder -n "$@"; }
 unit() { side_by_side logical tests/unit; }
-servers() { side_by_side "$((cores + 1))" -m "$1" tests/integration --ignore tests/integration/browser; }
+servers() { side_by_side "$cores" -m "$1" tests/integration --ignore tests/integration/browser; }
 browsers() { side_by_side "$cores" -m "$1" tests/integration/browser; }
 # Of these, what waits for other programs has room for another beside it, and a browser has not.
 timing() {

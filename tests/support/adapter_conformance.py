@@ -45,10 +45,14 @@ async def drive(adapter: Adapter, velocity: Velocity, until, seconds: float = 8.
 
 async def wait_for(adapter: Adapter, until, seconds: float = 8.0) -> RcaState:
     """Read states, saying nothing, until a condition holds."""
-    async with asyncio.timeout(patient(seconds)):
-        async for state in adapter.states():
-            if until(state):
-                return state
+    state = None
+    try:
+        async with asyncio.timeout(patient(seconds)):
+            async for state in adapter.states():
+                if until(state):
+                    return state
+    except TimeoutError:
+        raise AssertionError(f"it never came to that; the last state was {state}") from None
     raise AssertionError("the states ended")
 
 
