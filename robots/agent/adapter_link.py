@@ -217,14 +217,14 @@ class AdapterLink:
 
 @contextlib.contextmanager
 def its_fault() -> Iterator[None]:
-    """Turn whatever an adapter raises, but for a time-out of ours, into an AdapterError.
+    """Turn whatever an adapter raises into an AdapterError; a time-out of ours comes as a cancellation, which passes.
 
     Raises:
         AdapterError: the adapter's own, or one that names what it raised.
     """
     try:
         yield
-    except (AdapterError, TimeoutError):
+    except AdapterError:
         raise
     except Exception as error:
         log.exception("adapter_raised")
@@ -238,14 +238,8 @@ async def told_by(source: Callable[[], AsyncIterator[Told]]) -> AsyncIterator[To
         AdapterError: the adapter's own, or one that names what it raised.
     """
     with its_fault():
-        told = source()
-    while True:
-        try:
-            with its_fault():
-                each = await anext(told)
-        except StopAsyncIteration:
-            return
-        yield each
+        async for each in source():
+            yield each
 
 
 def checked_velocity(sent: object) -> Velocity:

@@ -215,7 +215,7 @@ class Kernel:
         self._watch_standstill(now)
         halted = self.latch or self.fault or self.held
         if self.navigation and self.navigation.may_begin and not halted:
-            return self._hand_over(now) if wanted is None else self._navigated(wanted, now)
+            return self._hand_over() if wanted is None else self._navigated(wanted, now)
         why = self.braking(now)
         if why:
             self._target = ZERO
@@ -351,7 +351,7 @@ class Kernel:
         self.fault = None
         self._hold_on(now)
         self._current, self._target, self._steered = ZERO, ZERO, 0.0
-        self._restless, self._still_since = True, None
+        self._unsettle()
 
     # --- actions -----------------------------------------------------------------------------------------------------
 
@@ -431,7 +431,7 @@ class Kernel:
         self._now = now
         self._cancel_navigation(reason)
         self._target, self._accepted_at = ZERO, float("-inf")
-        self._restless, self._still_since = True, None
+        self._unsettle()
 
     def _cancel_navigation(self, reason: str) -> None:
         if self.navigation:
@@ -444,20 +444,25 @@ class Kernel:
         if self._hands_off:
             self._current, self._steered = self.caps(self._now).clamp(self._motion), 0.0
             self._output_at, self._hands_off = self._now, False
-            self._restless, self._yields, self._still_since = True, True, None
+            self._yields = True
+            self._unsettle()
 
     def _watch_standstill(self, now: float) -> None:
         """Note when a robot that may have been moving stands."""
         if self._current != ZERO or self._hands_off:
-            self._restless, self._still_since = True, None
+            self._unsettle()
         elif self._still_since is not None and now - self._still_since >= STANDS_FOR:
             self._restless = self._yields = False
             if self.navigation and not self.navigation.may_begin:
                 self.navigation = replace(self.navigation, may_begin=True)
-        if self._current != ZERO or not self._restless:
+        if self._current != ZERO or self._hands_off or not self._restless:
             self._told_to_stand_at = None
         elif self._told_to_stand_at is None:
             self._told_to_stand_at = now
+
+    def _unsettle(self) -> None:
+        """The robot may be moving: it stands when it has been measured so from now on."""
+        self._restless, self._still_since = True, None
 
     def _hold_on(self, now: float) -> None:
         self._hold = Hold(_grant(self.leases.live(now)), self._driven_by, now)
@@ -495,10 +500,10 @@ class Kernel:
         self._output_at = now
         return Decision(self._current, why)
 
-    def _hand_over(self, now: float) -> Decision:
+    def _hand_over(self) -> Decision:
         """Be silent: the RCA moves the robot."""
         self._hands_off = True
-        self._watch_standstill(now)
+        self._unsettle()
         return Decision(None, "navigating")
 
     def _navigated(self, wanted: Velocity, now: float) -> Decision:

@@ -97,6 +97,32 @@ def test_a_fault_while_driving_stops_the_robot_is_named_and_passes(rig, call, fa
     drives_again(rig)
 
 
+def test_a_time_out_of_its_sdk_is_the_adapters_fault_too(rig, monkeypatch):
+    def times_out(_velocity):
+        raise TimeoutError("in its SDK")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(rig.robot, "apply", times_out)
+        rig.push(0.5)
+        rig.wait(lambda: rig.kernel.fault == "adapter_lost")
+        assert "TimeoutError: in its SDK" in told_why(rig)[0]
+    drives_again(rig)
+
+
+def test_an_adapter_that_has_no_more_to_tell_of_actions_is_not_lost(rig, monkeypatch):
+    async def nothing():
+        return
+        yield
+
+    monkeypatch.setattr(rig.robot, "progress", nothing)
+    rig.robot.lost = "the cable is out"
+    rig.wait(lambda: rig.kernel.fault is not None)
+    rig.robot.lost = ""
+    drives_again(rig)
+    rig.sleep(1.0)
+    assert rig.kernel.fault is None
+
+
 @pytest.mark.parametrize("fault", ["raises", "hangs"])
 def test_a_connection_that_raises_or_hangs_is_tried_again(rig, fault):
     rig.drive(0.5)

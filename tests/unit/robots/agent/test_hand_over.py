@@ -89,6 +89,13 @@ def test_however_navigation_ends_zeros_flow_until_the_robot_stands_and_only_then
     assert told_since(rig, rig.now() - 0.3) == [], "and then nobody is fought"
 
 
+def test_an_architecture_that_drives_as_it_was_asked_to_is_no_error(rig):
+    goes(rig)
+    beats(rig, 5.0)
+    assert rig.robot.going
+    assert rig.link.wait("state", since=rig.link.count).errors == ()
+
+
 def test_a_driver_who_takes_over_drives_when_the_robot_stands(rig):
     goes(rig)
     begun = rig.now()
