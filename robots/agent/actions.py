@@ -97,8 +97,7 @@ class Actions:
         elif waiting is not None and running is not None and running.may_begin:
             self._waiting = None
             self._spawn(self._start(waiting))
-        is_driven = self._kernel.braking(self._times.now()) is None
-        if self._final and (self._kernel.stands or self._kernel.fault or is_driven):
+        if self._final and (self._kernel.stands or self._kernel.fault or self._kernel.braking(self._times.now()) is None):
             final, self._final = self._final, {}
             self._reports.errors.pop(CANCEL, None)
             for status in final.values():
@@ -134,8 +133,7 @@ class Actions:
         )
         if before is None or progress.action_id in self._final:
             return
-        if progress.status in ENDED and self._is_running(progress.action_id):
-            self._kernel.navigation_ended(progress.action_id)
+        if progress.status in ENDED and self._kernel.navigation_ended(progress.action_id):
             self._final[progress.action_id] = status
         else:
             self._end(status)
@@ -159,10 +157,6 @@ class Actions:
                 await asyncio.sleep(CANCEL_AGAIN)
             else:
                 return
-
-    def _is_running(self, action_id: str) -> bool:
-        running = self._kernel.navigation
-        return running is not None and running.action_id == action_id
 
     def _ended_by(self, action_id: str, reason: str) -> ActionStatus:
         before = self._ledger.of(action_id)

@@ -260,21 +260,12 @@ class Kernel:
         return caps(self.limits, lease.limits if lease else None, assist_speed(level, self.assist.clearance, self.limits))
 
     def inhibited(self, now: float) -> str | None:
-        """Return why velocity commands cannot move the robot now, in one word, or None."""
-        if self.latch:
-            return "estop"
-        if self.fault:
-            return "fault"
-        if self._hold is not None:
-            return "stopped"
-        if self.leases.live(now) is None:
-            return "no_lease"
-        return "collision" if self.contact else None
+        """Return why velocity commands cannot move the robot now, or not everywhere, in one word, or None."""
+        return self._barred(now) or ("collision" if self.contact else None)
 
     def braking(self, now: float) -> str | None:
         """Return why the base is to stand still now, or None while it is being driven."""
-        reason = self.inhibited(now)
-        if reason and reason != "collision":
+        if reason := self._barred(now):
             return reason
         if self._yields or self.navigation:
             return "settling"
@@ -374,12 +365,12 @@ class Kernel:
         self.navigation = Navigation(action_id, mode, ordered_by_server, now)
         self._target = ZERO
 
-    def navigation_ended(self, action_id: str) -> None:
-        """The robot has come to the end of what it did by itself."""
-        if self.navigation and self.navigation.action_id == action_id:
-            left_by_itself = self._hands_off
-            self._leave_navigation()
-            self._current = ZERO if left_by_itself else self._current
+    def navigation_ended(self, action_id: str) -> bool:
+        """The robot has come to the end of what it did by itself; return False when it was not doing that."""
+        if self.navigation is None or self.navigation.action_id != action_id:
+            return False
+        self._leave_navigation(ZERO)
+        return True
 
     def cancel(self, action_id: str | None) -> str | None:
         """Cancel the navigation named, or whatever runs; return its id, None when there was none."""
@@ -410,6 +401,16 @@ class Kernel:
             return "stopped" if self._hold is not None else None
         return "navigating" if self.navigation else None
 
+    def _barred(self, now: float) -> str | None:
+        """Return why nobody may drive the robot now, in one word, or None."""
+        if self.latch:
+            return "estop"
+        if self.fault:
+            return "fault"
+        if self._hold is not None:
+            return "stopped"
+        return None if self.leases.live(now) else "no_lease"
+
     def _why_not(self, action: Action, sender: Sender, *, now: float, unix: float) -> str | None:
         lease = self.leases.live(now)
         reason = refusal(action, sender, lease, self.capabilities) or staleness(action, sender, lease, self.clocks, now=now, unix=unix)
@@ -436,13 +437,13 @@ class Kernel:
     def _cancel_navigation(self, reason: str) -> None:
         if self.navigation:
             self.cancelled.append((self.navigation.action_id, reason))
-            self._leave_navigation()
+            self._leave_navigation(self._motion)
 
-    def _leave_navigation(self) -> None:
-        """Brake from the speed at which the RCA has left the robot, as far as that is known."""
+    def _leave_navigation(self, speed: Velocity) -> None:
+        """Brake from the speed at which the RCA has left the robot."""
         self.navigation = None
         if self._hands_off:
-            self._current, self._steered = self.caps(self._now).clamp(self._motion), 0.0
+            self._current, self._steered = self.caps(self._now).clamp(speed), 0.0
             self._output_at, self._hands_off = self._now, False
             self._yields = True
             self._unsettle()

@@ -64,7 +64,9 @@ class ControlRig:
 
     def __init__(self, directory, *, robot=None, boot="boot-1", media=None, networks=CLEAN):
         self.time = self.clock()
-        self.robot = robot or ScriptedRobot(times=self.time.times)
+        self.robot = robot or ScriptedRobot()
+        if isinstance(self.robot, ScriptedRobot):
+            self.robot.times = self.time.times
         self.link, self.media, self.store = MemoryLink(self.time), media or ListeningMedia(), Store(directory)
         capabilities = frozenset((*self.robot.profile.capabilities, "photo", "say", "call"))
         self.control = ControlLoop(

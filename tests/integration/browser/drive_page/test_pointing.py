@@ -15,15 +15,10 @@ from tests.support.drive_page import until as until_within
 from tests.support.fake_robot_page import FakeRobotPage
 from tests.support.patience import patient
 from tests.support.scene_source import SceneSource
+from tests.support.tourist import PAD
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 PATIENCE = 40.0  # s: the page's own seconds are slow on a busy computer
-PAD = """() => {
-    const pad = { index: 0, id: "stub", mapping: "standard", axes: [0, 0, 0, 0], buttons: Array.from({ length: 17 }, () => ({ pressed: false })) };
-    window.stub = pad;
-    navigator.getGamepads = () => [pad];
-    window.dispatchEvent(Object.assign(new Event("gamepadconnected"), { gamepad: pad }));
-}"""
 
 
 def site_at(start: str) -> FakeRobotPage:

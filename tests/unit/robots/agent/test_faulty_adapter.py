@@ -54,9 +54,7 @@ class FaultyRobot(NavigatingRobot):
 
 @pytest.fixture
 def rig(tmp_path):
-    rig = ControlRig(tmp_path, robot=FaultyRobot())
-    rig.robot.times = rig.time.times
-    with rig:
+    with ControlRig(tmp_path, robot=FaultyRobot()) as rig:
         rig.grant()
         yield rig
 

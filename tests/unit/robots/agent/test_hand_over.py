@@ -12,9 +12,7 @@ from tests.support.scripted_robot import NavigatingRobot
 
 @pytest.fixture
 def rig(tmp_path):
-    rig = ControlRig(tmp_path, robot=NavigatingRobot())
-    rig.robot.times = rig.time.times
-    with rig:
+    with ControlRig(tmp_path, robot=NavigatingRobot()) as rig:
         rig.grant()
         yield rig
 

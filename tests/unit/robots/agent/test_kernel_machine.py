@@ -315,15 +315,10 @@ class KernelMachine(RuleBasedStateMachine):
         drives = decision.why in {"driving", "navigating"}
         against = self.goes and decision.why == "driving" and velocity != ZERO
         assert not against, "a driver drives against an architecture that has not let go yet"
-        for old, new, limit, up, down in (
-            (
-                before.linear,
-                velocity.linear,
-                LIMITS.linear if velocity.linear > 0 else LIMITS.reverse,
-                LIMITS.linear_acceleration,
-                LIMITS.linear_braking,
-            ),
-            (before.angular, velocity.angular, LIMITS.angular, LIMITS.angular_acceleration, LIMITS.angular_braking),
+        largest = LIMITS.linear if velocity.linear > 0 else LIMITS.reverse
+        for old, new, limit, up in (
+            (before.linear, velocity.linear, largest, LIMITS.linear_acceleration),
+            (before.angular, velocity.angular, LIMITS.angular, LIMITS.angular_acceleration),
         ):
             assert abs(new) <= limit + SLACK
             if drives:
@@ -331,7 +326,6 @@ class KernelMachine(RuleBasedStateMachine):
             else:
                 assert abs(new) <= max(abs(old), abs(self.base.angular), abs(self.base.linear)) + SLACK
                 assert new * old >= 0.0
-            del down
         if self.latched or self.faulty or self.held:
             assert not drives
         if drives and self.caps.linear is not None and self.kernel.leases.live(self.now) is not None:
