@@ -18,6 +18,7 @@ const sent = (effects) => effects.filter(({ type }) => type === "send").map(({ s
 const kinds = (effects) => effects.map(({ type }) => type);
 
 const OPEN = [{ type: "socket_open" }, message("hello", HELLO)];
+const WAITED = [...OPEN, { type: "drive", now: 94 }];
 const DRIVING = [...OPEN, { type: "drive" }, message("session/granted", GRANTED), { type: "link_live" }];
 
 describe("taking the robot", () => {
@@ -111,7 +112,7 @@ describe("lost connections", () => {
   });
 
   test("an offered turn is not accepted by a reconnection", () => {
-    const { effects } = play(...OPEN, { type: "drive" }, message("session/turn", { session: "s1", seconds: 60 }), { type: "socket_closed", code: 1006 }, { type: "socket_open" });
+    const { effects } = play(...WAITED, message("session/turn", { session: "s1", seconds: 60 }), { type: "socket_closed", code: 1006 }, { type: "socket_open" });
     assert.deepEqual(effects, []);
   });
 });
@@ -171,13 +172,24 @@ describe("queue and turn", () => {
   });
 
   test("a turn is counted down from the moment it is offered, and started by the visitor", () => {
-    const { visit } = play(...OPEN, { type: "drive" }, message("session/queued", QUEUED), message("session/turn", { session: "s2", seconds: 60 }));
-    assert.deepEqual([visit.phase, visit.startBy], ["turn", 160]);
+    const { visit, effects } = play(...WAITED, message("session/queued", QUEUED), message("session/turn", { session: "s2", seconds: 60 }));
+    assert.deepEqual([visit.phase, visit.startBy, kinds(effects)], ["turn", 160, ["call"]]);
     assert.deepEqual(sent(after(visit, { type: "start" }).effects), [["session/take", { session: "s2" }]]);
   });
 
+  test("who has just pressed and gets the turn at once is not asked to press again", () => {
+    const waiting = [message("session/queued", QUEUED), message("session/turn", { session: "s2", seconds: 60 })];
+    for (const pressed of [[...OPEN, { type: "drive" }], [{ type: "loaded", session: null, go: true }, ...OPEN]]) {
+      const { visit, effects } = play(...pressed, ...waiting);
+      assert.deepEqual([visit.phase, sent(effects)], ["taking", [["session/take", { session: "s2" }]]]);
+    }
+    const again = play(...OPEN, { type: "drive" }, ...waiting, ...waiting);
+    assert.equal(again.visit.phase, "turn", "one press is for one turn");
+    assert.equal(play({ type: "loaded", session: "s2", go: false }, ...OPEN, ...waiting).visit.phase, "turn", "a reload is no press");
+  });
+
   test("a turn that went by is given up and said so", () => {
-    const { visit, effects } = play(...OPEN, { type: "drive" }, message("session/turn", { session: "s2", seconds: 60 }), { type: "turn_missed" });
+    const { visit, effects } = play(...WAITED, message("session/turn", { session: "s2", seconds: 60 }), { type: "turn_missed" });
     assert.deepEqual([visit.phase, visit.reason], ["ended", "turn_missed"]);
     assert.deepEqual(sent(effects), [["session/leave", {}]]);
   });
@@ -227,7 +239,7 @@ describe("silence", () => {
   });
 
   test("an end while the turn was offered is a missed turn, unless an operator ended it", () => {
-    const turn = [...OPEN, { type: "drive" }, message("session/turn", { session: "s1", seconds: 60 })];
+    const turn = [...WAITED, message("session/turn", { session: "s1", seconds: 60 })];
     const end = (outcome) => play(...turn, message("session/ended", { session: "s1", outcome, reason: "" })).visit.reason;
     assert.deepEqual([end("cancelled"), end("stopped_by_operator")], ["turn_missed", "stopped_by_operator"]);
   });

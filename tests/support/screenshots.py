@@ -90,7 +90,7 @@ def main() -> None:
             choose(anna, "standard")
             waiting = Visitor(browser, site, "dora", viewport={"width": 390, "height": 844}).open(go=True)
             waiting.wait_for("phase", "queued")
-            waiting.page.wait_for_timeout(2500)
+            waiting.page.wait_for_timeout(6000)  # whose turn comes within five seconds need not press again
             waiting.screenshot(folder / "queue-phone.png")
             anna.page.set_viewport_size({"width": 1280, "height": 800})
             anna.leave()

@@ -36,6 +36,7 @@
  * @property {number} place in the queue, 1 is next
  * @property {number} minutes estimated until the turn
  * @property {string} pause why a robot that nobody drives is not ready: `returning`, `charging`, `paused` or `start` (of a study), a colon, and its reason
+ * @property {number | null} pressedAt Unix time at which the visitor pressed what asks for the robot
  * @property {number | null} startBy Unix time until which an offered turn can be accepted
  * @property {number | null} askedUntil Unix time until which the visitor must give a sign of being there; null while nobody asks
  * @property {number | null} signingUntil Unix time until which a sign that was asked for is given again; null once the server has it
@@ -71,6 +72,7 @@ export const newVisit = () => ({
   place: 0,
   minutes: 0,
   pause: "",
+  pressedAt: null,
   startBy: null,
   askedUntil: null,
   signingUntil: null,
@@ -78,6 +80,9 @@ export const newVisit = () => ({
   unsaid: null,
   reason: "",
 });
+
+/** s after a press on "drive" in which a turn that comes needs no other: whoever leaves a robot has it for a moment longer than they see. */
+const STILL_PRESSED = 5;
 
 /** Close codes after which connecting again is pointless: sessions/wire.py. */
 const FINAL = new Map([
@@ -156,8 +161,10 @@ const over = (phase, reason, more = []) => [{ ...OVER, phase, reason }, [...LET_
 /** @type {Record<string, (visit: Visit, happening: any) => [Partial<Visit>, Effect[]?]>} */
 const HANDLERS = {
   /** The page was loaded: `session` from before a reload, `go` when the link says to drive at once. */
-  loaded: (visit, { session, takeover, go }) =>
-    session || go ? ask(visit, { session: session ?? null, returning: Boolean(session), takeover: Boolean(takeover), fresh: Boolean(go) }) : [{}],
+  loaded: (visit, { session, takeover, go, now }) =>
+    session || go
+      ? ask(visit, { session: session ?? null, returning: Boolean(session), takeover: Boolean(takeover), fresh: Boolean(go), pressedAt: go ? now : null })
+      : [{}],
 
   socket_open: (visit) => [{ socket: "open" }, [...leaveAgain(visit), ...askAgain(visit)]],
   socket_lost: () => [{ socket: "lost" }],
@@ -208,10 +215,13 @@ const HANDLERS = {
     const first = [...LET_GO, { type: "remember", session: message.session }, ...(visit.mayObserve ? [send("session/observe")] : [])];
     return [/** @type {Partial<Visit>} */ (waits ? changes : { ...changes, link: "none" }), waits ? [] : first];
   },
-  "session/turn": (visit, { message, now }) => [
-    { phase: "turn", session: message.session, startBy: now + message.seconds },
-    [{ type: "call", word: "turn" }],
-  ],
+  "session/turn": (visit, { message, now }) => {
+    const turn = { session: message.session, startBy: now + message.seconds };
+    if (visit.pressedAt !== null && now - visit.pressedAt <= STILL_PRESSED) {
+      return ask(visit, { ...turn, pressedAt: null });
+    }
+    return [{ ...turn, phase: "turn" }, [{ type: "call", word: "turn" }]];
+  },
   "session/observing": (visit, { message }) => {
     if (visit.phase === "driving" || visit.phase === "ended") {
       return [{}];
@@ -262,7 +272,7 @@ const HANDLERS = {
   no_answer: (visit) => [{}, visit.socket === "open" ? [...leaveAgain(visit), ...(visit.phase === "taking" ? askAgain(visit) : [])] : []],
   denied: (_visit, { message }) => [message.suffix === "session/leave" && message.reason !== "unavailable" ? { unsaid: null } : {}],
 
-  drive: (visit) => ask(visit, { session: null, peer: null, takeover: false, returning: false, reason: "" }),
+  drive: (visit, { now }) => ask(visit, { session: null, peer: null, takeover: false, returning: false, reason: "", pressedAt: now }),
   here: ({ askedUntil, signingUntil }) => [{ askedUntil: null, signingUntil: askedUntil ?? signingUntil }],
   take_over: (visit) => ask(visit, { peer: null, takeover: true, reason: "" }),
   start: (visit) => ask(visit),

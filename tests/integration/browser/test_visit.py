@@ -97,6 +97,7 @@ def test_a_second_visitor_waits_with_place_and_minutes_and_then_gets_the_robot(s
     dora.wait_for("phase", "queued")
     expect(dora.page.locator("#card")).to_contain_text(re.compile(r"\d"))
     expect(carl.page.locator("#waiting")).to_be_visible()
+    dora.page.wait_for_timeout(5500)  # whose turn comes sooner than that after pressing need not press again
     carl.leave()
     dora.wait_for("phase", "turn")
     dora.page.locator("#card-main").click()
@@ -107,6 +108,16 @@ def test_a_second_visitor_waits_with_place_and_minutes_and_then_gets_the_robot(s
     dora.hold("ArrowLeft", lambda: abs(giraff.truth().theta - before.theta) > 0.1, 10, "a turn")
     dora.page.keyboard.up("ArrowLeft")
     dora.leave()
+
+
+def test_whoever_presses_just_after_another_has_left_gets_the_robot_by_that_press(visitor, giraff):
+    carl = visitor("carl").drive()
+    eve = visitor("eve").open()
+    eve.wait_for("phase", "lobby")
+    carl.leave()
+    eve.page.locator("#card-main").click()
+    eve.wait_for("phase", "driving")
+    eve.leave()
 
 
 def test_an_observer_sees_the_picture_and_what_it_forges_is_refused_at_the_server_and_at_the_robot(site, visitor, giraff):
