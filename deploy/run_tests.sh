@@ -63,11 +63,9 @@ case "${1:-test}" in
         together "style, types and the unit lane" lint quick unit ""
         ;;
     test)
-        lint
         step "node --test"
         node --test --test-reporter=dot tests/js/
-        step "unit"
-        unit
+        together "style, types and the unit lane" lint "" unit ""
         together "integration" servers "not soak" browsers "not soak"
         step "timing: nothing else is on the computer"
         timing "not soak"
