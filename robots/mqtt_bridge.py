@@ -36,6 +36,7 @@ from robots.bridge.inbox import Inbox
 from robots.bridge.known import KnownRobot
 from robots.bridge.quick_reading import read_quickly
 from robots.bridge.quick_writing import QuickWriter, writer_of
+from robots.cancellation import cancel
 from robots.credentials import server_credentials
 
 log = logging.getLogger(__name__)
@@ -115,8 +116,7 @@ class Bridge:
 
     async def close(self) -> None:
         """Leave the broker and stop trying."""
-        self._task.cancel()
-        await asyncio.gather(self._task, return_exceptions=True)
+        await cancel(self._task)
 
     async def _run(self) -> None:
         attempt = 0

@@ -236,6 +236,16 @@ class Site:
             wait_for(lambda: self.robot_is_docked(name), 10, f"{name} docked")
         return Onlooker(port)
 
+    @contextlib.contextmanager
+    def robot(self, name: str, *simulator: str) -> Iterator[Onlooker]:
+        """As `start_robot`, and end it afterwards, if the test has not."""
+        onlooker = self.start_robot(name, *simulator)
+        yield onlooker
+        for part in (name, f"{name}-simulator"):
+            if part in self.processes:
+                self.stop(part)
+        wait_for(lambda: not self.robot_is_online(name), 20, "the robot's end")
+
     def listening(self, port: int) -> bool:
         with socket.socket() as probe:
             return probe.connect_ex((LOOPBACK, port)) == 0

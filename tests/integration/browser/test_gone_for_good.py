@@ -14,12 +14,8 @@ pytestmark = pytest.mark.browser
 
 @pytest.fixture
 def giraff(site):
-    onlooker = site.start_robot("giraff", "--start", "corridor-centre")
-    yield onlooker
-    for part in ("giraff", "giraff-simulator"):
-        if part in site.processes:
-            site.stop(part)
-    wait_for(lambda: not site.robot_is_online("giraff"), 20, "the robot's end")
+    with site.robot("giraff", "--start", "corridor-centre") as onlooker:
+        yield onlooker
 
 
 def ended(site) -> str:

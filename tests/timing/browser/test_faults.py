@@ -44,13 +44,9 @@ def computer():
 def giraff(site, computer):
     """A robot in the corridor with more than six metres ahead of it, and nobody who drives it."""
     wait_for(lambda: all(state == "ended" for _, _, state, _ in site.sessions()), 60, "the end of earlier visits")
-    onlooker = site.start_robot("giraff", "--start", "corridor-centre")
-    onlooker.computer = computer
-    yield onlooker
-    for part in ("giraff", "giraff-simulator"):
-        if part in site.processes:
-            site.stop(part)
-    wait_for(lambda: not site.robot_is_online("giraff"), 20, "the robot's end")
+    with site.robot("giraff", "--start", "corridor-centre") as onlooker:
+        onlooker.computer = computer
+        yield onlooker
 
 
 @pytest.fixture
