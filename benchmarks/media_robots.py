@@ -85,7 +85,7 @@ def serve(kind: str, pipe: Connection) -> None:
 
 
 def _ours(reply: Callable[..., None]) -> Robot:
-    return MediaSide(video=SyntheticCamera(), audio=SyntheticMicrophone(), viewers=8, on_frame=lambda *_: None, reply=reply)
+    return MediaSide(video=SyntheticCamera(), audio=SyntheticMicrophone(), viewers=8, on_command=lambda *_: None, reply=reply)
 
 
 class SimulatedRobot:
@@ -93,7 +93,7 @@ class SimulatedRobot:
 
     def __init__(self, reply: Callable[..., None]) -> None:
         self._adapter: Any = registry.create("simulator", "giraff", {"seed": "1"})
-        self._media = MediaSide(video=self._adapter.video(), audio=self._adapter.audio(), viewers=8, on_frame=lambda *_: None, reply=reply)
+        self._media = MediaSide(video=self._adapter.video(), audio=self._adapter.audio(), viewers=8, on_command=lambda *_: None, reply=reply)
         self._ready, self._end = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=lambda: asyncio.run(self._turn()))
 

@@ -186,18 +186,23 @@ class Actions:
     def _stop(self, action: Stop, sender: Sender) -> None:
         obeyed = self._kernel.stop(action, sender, self._times.now())
         self._turn_wheels()
-        if obeyed:
-            self._reports.event("stopped", action_id=action.action_id, detail=action.role)
-        self._reports.hurry()
-        self._out.send("action", self._status(action, "FINISHED"))
+        self._stopped(action, obeyed=obeyed)
 
     def _estop(self, action: EStop, sender: Sender) -> None:
         obeyed = self._kernel.estop(action, sender, now=self._times.now(), unix=self._times.unix())
         self._turn_wheels()
-        if obeyed:
+        if action.role == "observer":
+            self._stopped(action, obeyed=obeyed)
+        elif obeyed:
             self._latched(action.detail, action)
         else:
             self._reports.hurry()
+
+    def _stopped(self, action: Stop | EStop, *, obeyed: bool) -> None:
+        if obeyed:
+            self._reports.event("stopped", action_id=action.action_id, detail=action.role)
+        self._reports.hurry()
+        self._out.send("action", self._status(action, "FINISHED"))
 
     def _latched(self, detail: str, action: EStop | None) -> None:
         latch = self._kernel.latch

@@ -52,7 +52,7 @@ def _media(equipment: Equipment, config: AgentConfig, control: ControlLoop) -> M
         video=equipment.video,
         audio=equipment.audio,
         viewers=config.viewers,
-        on_frame=control.receive_frame,
+        on_command=control.receive,
         reply=control.reply,
         on_picture=control.publish_picture,
         outputs=equipment.outputs,

@@ -14,7 +14,9 @@ from typing import Any
 
 from robots.agent.adapter_link import AdapterLink
 from robots.agent.adapters.contract import Adapter
+from robots.agent.ingress import Ingress
 from robots.agent.lab.in_force import CLEAN, Networks
+from robots.agent.media.frame_gate import Heard
 from robots.agent.pilot import Parts, Pilot
 from robots.agent.priority import FIRST, ORDINARY, set_nice
 from robots.agent.safety import Kernel
@@ -30,12 +32,10 @@ PERIOD = 0.02
 LATE = 0.2
 BRAKING_TIME = 3.0
 FAREWELL_TIME = 3.0
-FRAMES_WAITING = 400
-URGENT = "command/action"
 
 
 class ControlLoop:
-    """One robot's control. `start`, `close`, `receive_frame`, `reply` and `publish` may be called from any thread.
+    """One robot's control. `start`, `close`, `receive`, `reply` and `publish` may be called from any thread.
 
     Args:
         adapter: the robot control architecture.
@@ -71,7 +71,7 @@ class ControlLoop:
         self._closing = threading.Event()
         self._ready, self._ended = threading.Event(), threading.Event()
         self._beside: set[asyncio.Task[None]] = set()
-        self._waiting = 0
+        self._ingress = Ingress(lambda: self._post(self._hear))
 
     # --- any thread --------------------------------------------------------------------------------------------------
 
@@ -81,13 +81,9 @@ class ControlLoop:
         self._thread.start()
         self._ready.wait()
 
-    def receive_frame(self, peer: str, role: Role, frame: str | bytes) -> None:
-        """Take a frame of a data channel. The lease says whether `peer` drives; `role` is what signalling makes of that."""
-        if self._waiting > FRAMES_WAITING and not _is_urgent(frame):
-            log.warning("frame_dropped peer=%s role=%s", peer, role)
-            return
-        self._waiting += 1
-        self._post(self._frame, peer, role, frame)
+    def receive(self, peer: str, role: Role, heard: Heard) -> None:
+        """Take what came on a data channel. The lease says whether `peer` drives; `role` is what signalling makes of that."""
+        self._ingress.put(peer, role, heard)
 
     def reply(self, peer: str, message: SignalReply) -> None:
         """Answer a page's signal."""
@@ -188,10 +184,10 @@ class ControlLoop:
         except RuntimeError:
             log.debug("control_loop_ended")
 
-    def _frame(self, peer: str, role: Role, frame: str | bytes) -> None:
-        self._waiting -= 1
+    def _hear(self) -> None:
+        said, rejected = self._ingress.drain()
         if self._pilot is not None:
-            self._pilot.frame(peer, role, frame)
+            self._pilot.heard(said, rejected)
 
     def _send(self, suffix: str, message: Message) -> None:
         if self._pilot is not None:
@@ -200,7 +196,3 @@ class ControlLoop:
     def _send_picture(self, payload: bytes, peer: str | None) -> None:
         if self._pilot is not None:
             self._pilot.out.picture(payload, peer)
-
-
-def _is_urgent(frame: str | bytes) -> bool:
-    return frame.startswith(URGENT) if isinstance(frame, str) else frame.startswith(URGENT.encode())

@@ -7,7 +7,7 @@ import asyncio
 import contextlib
 import functools
 import logging
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,7 @@ from robots.agent.calls import NOTHING, Calls
 from robots.agent.freshness import frame_age
 from robots.agent.lab.in_force import CLEAN, Networks, in_force, is_held
 from robots.agent.lab.timed import TimedLine
+from robots.agent.media.frame_gate import Command
 from robots.agent.motion import ZERO
 from robots.agent.permissions import Sender
 from robots.agent.pointing import Pointing
@@ -28,7 +29,6 @@ from robots.agent.store import Store
 from robots.agent.times import Times
 from robots.agent.ways_out import Link, Media, WaysOut
 from robots.api import codec
-from robots.api.errors import Rejection
 from robots.api.messages import (
     Action,
     AppliedCommand,
@@ -108,7 +108,8 @@ class Pilot:
             calls=self._calls,
         )
         self._heartbeat_due = Cadence(HEARTBEAT_PERIOD)
-        self._writing = asyncio.Lock()
+        self._writing = asyncio.Lock()  # one after the other
+        self._kept_latch = parts.kernel.latch  # as the disk has it
         self._faults: dict[str, str] = {}
         self._config: Config | None = None
         self._was_up = False
@@ -155,9 +156,9 @@ class Pilot:
             self._kernel.brake(self._times.now())
             self.turn_wheels()
 
-    def rejected(self, reason: str) -> None:
+    def rejected(self, reason: str, count: int = 1) -> None:
         """Count what could not be decoded."""
-        self._kernel.refused[reason] += 1
+        self._kernel.refused[reason] += count
 
     def link_changed(self, *, up: bool) -> None:
         """The broker was reached, or lost: neither stops a drive, the lease's own time does."""
@@ -173,28 +174,23 @@ class Pilot:
 
     # --- from the data channels --------------------------------------------------------------------------------------
 
-    def frame(self, peer: str, role: Role, frame: str | bytes) -> None:
-        """Take a frame of a page. Who may drive is said by the lease, so every peer's frames come here."""
-        with self._surviving("frame"):
-            self._frame(peer, role, frame)
+    def heard(self, said: Iterable[tuple[str, Role, Command]], rejected: Mapping[str, int]) -> None:
+        """Take what pages have said. Who may drive is said by the lease, so every peer's commands come here."""
+        for reason, count in rejected.items():
+            self.rejected(reason, count)
+        for peer, role, command in said:
+            with self._surviving("data channel"):
+                self._heard(peer, role, command)
 
-    def _frame(self, peer: str, role: Role, frame: str | bytes) -> None:
-        try:
-            suffix, message = codec.decode_frame(frame, "to_robot")
-        except Rejection as rejection:
-            self.rejected(rejection.reason)
-            return
+    def _heard(self, peer: str, role: Role, command: Command) -> None:
         sender = Sender("datachannel", peer, role=role)
-        match message:
-            case VelocityCommand() | Action():
-                self._travel(message, sender)
+        match command:
             case CommandHeartbeat():
-                self._heartbeat(peer, message, sender)
+                self._heartbeat(peer, command, sender)
             case PointCommand():
-                self._point(peer, message, sender)
+                self._point(peer, command, sender)
             case _:
-                log.warning("frame_refused suffix=%s peer=%s", suffix, peer)
-                self.rejected("not_from_server")
+                self._travel(command, sender)
 
     # --- from the adapter (adapter_link.Listener) --------------------------------------------------------------------
 
@@ -441,20 +437,24 @@ class Pilot:
             self._kernel.clear_fault(self._times.now())
 
     async def _keep_latch(self) -> None:
-        await self._write(lambda: self._store.keep_latch(self._kernel.latch))
+        async with self._writing:
+            latch = self._kernel.latch
+            if latch != self._kept_latch and await self._write(lambda: self._store.keep_latch(latch)):
+                self._kept_latch = latch
 
     async def _keep_lease(self) -> None:
-        newest = self._kernel.leases.newest
-        if newest is not None:
-            await self._write(lambda: self._store.keep_lease(newest))
-
-    async def _write(self, write: Callable[[], None]) -> None:
-        """Write off the loop, one after the other; a full disk is reported, and the robot keeps what it has in memory."""
         async with self._writing:
-            try:
-                await asyncio.to_thread(write)
-            except OSError as error:
-                log.exception("store_failed")
-                self.reports.errors[STORE] = f"{STORE}: {error.strerror or error}"[:300]
-            else:
-                self.reports.errors.pop(STORE, None)
+            newest = self._kernel.leases.newest
+            if newest is not None:
+                await self._write(lambda: self._store.keep_lease(newest))
+
+    async def _write(self, write: Callable[[], None]) -> bool:
+        """Write off the loop and tell whether it was done; a full disk is reported, and the robot keeps what it has in memory."""
+        try:
+            await asyncio.to_thread(write)
+        except OSError as error:
+            log.exception("store_failed")
+            self.reports.errors[STORE] = f"{STORE}: {error.strerror or error}"[:300]
+            return False
+        self.reports.errors.pop(STORE, None)
+        return True

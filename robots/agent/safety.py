@@ -4,7 +4,7 @@ It decides and does nothing: no sockets, no threads, no clock of its own (`now` 
 Unix time). Its caller sends what `Decision.velocity` says to the base, cancels what `cancelled` names, and stays silent otherwise.
 The rules, in the order in which they bite:
 
-- Stop and e-stop are obeyed whoever sends them, however old, whatever the lease. An e-stop latches (latch.py).
+- Stop and e-stop are obeyed whoever sends them, however old, whatever the lease. An e-stop of whoever is answerable latches (latch.py).
 - A velocity counts when it is the driver's and of an input method and on a way that the lease allows (permissions.py), newer than every
   other of its epoch, and young enough (freshness.py).
 - Somebody else's stop holds the robot until the driver has let go (hold.py). So do a cleared e-stop and a robot that has come back.
@@ -314,12 +314,14 @@ class Kernel:
         self._halt("stopped", now)
 
     def estop(self, action: EStop, sender: Sender, *, now: float, unix: float) -> bool:
-        """Brake and latch. Return False when it only repeats one that was obeyed."""
+        """Brake, and latch for whoever is answerable: one that only watches stops. Return False when it only repeats one that was obeyed."""
+        lease = self.leases.live(now)
+        role = role_of(action, sender, lease)
+        if role == "observer":
+            return self.stop(Stop(action_id=action.action_id, stamp=action.stamp, role="observer"), sender, now)
         if self._repeats("estop", action.action_id, now):
             return False
         self._remember_stop("estop", action.action_id, now)
-        lease = self.leases.live(now)
-        role = role_of(action, sender, lease)
         user = action.user if sender.way == "mqtt" else lease.who if lease and role == "driver" else ""
         self._press(Latch(role, unix, user, action.detail), now)
         return True

@@ -540,7 +540,7 @@ class Stop(Action, frozen=True, kw_only=True, tag_field="type", tag="stop"):
 
 
 class EStop(Action, frozen=True, kw_only=True, tag_field="type", tag="estop"):
-    """Brake now and stay so, across a restart of the agent, until `clear_estop`."""
+    """Brake now and stay so, across a restart of the agent, until `clear_estop`. That of an observer brakes and does not stay."""
 
     detail: Reason = ""
 
@@ -682,7 +682,7 @@ class Candidate(Message, frozen=True, kw_only=True, tag_field="type", tag="candi
 
 
 class Bye(Message, frozen=True, kw_only=True, tag_field="type", tag="bye"):
-    """Either side ends the connection; `reason` is one word: `replaced`, `lease_changed`, `full`, `failed`, `left`."""
+    """Either side ends the connection; `reason` is one word: `replaced`, `lease_changed`, `full`, `failed`, `left`, `flooded`."""
 
     reason: Reason = ""
 

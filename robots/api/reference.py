@@ -47,7 +47,8 @@ an agent in any language.
 
 Stop, when in doubt. A velocity command moves the robot only when its session and epoch are those of a live lease, its seq is newer than
 every one before, and it is young enough by the clock offset that heartbeats gave; without a command for the factsheet's `deadman` the
-robot brakes. `stop` and `estop` are obeyed from any sender, at any age, under any lease. A lease lives for `ttl` seconds *from its
+robot brakes. `stop` and `estop` are obeyed from any sender, at any age, under any lease; an `estop` of role
+`observer` counts as a `stop`, which the driver can drive on after. A lease lives for `ttl` seconds *from its
 receipt*, and a copy that the broker delivers from its store (retain = 1) never permits driving.
 
 `docked` in `state` and the events `docked` and `undocked` mean one thing everywhere: the charging contacts have met, or the robot has charged,

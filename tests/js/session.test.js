@@ -185,7 +185,9 @@ describe("queue and turn", () => {
     }
     const again = play(...OPEN, { type: "drive" }, ...waiting, ...waiting);
     assert.equal(again.visit.phase, "turn", "one press is for one turn");
-    assert.equal(play({ type: "loaded", session: "s2", go: false }, ...OPEN, ...waiting).visit.phase, "turn", "a reload is no press");
+    for (const go of [false, true]) {
+      assert.equal(play({ type: "loaded", session: "s2", go }, ...OPEN, ...waiting).visit.phase, "turn", "a reload is no press");
+    }
   });
 
   test("a turn that went by is given up and said so", () => {

@@ -8,6 +8,7 @@ import numpy as np
 from robots.agent.adapters.contract import Frame
 from robots.agent.control import ControlLoop
 from robots.agent.lab.in_force import CLEAN
+from robots.agent.media.frame_gate import decoded
 from robots.agent.store import Store
 from robots.api import messages as m
 from robots.api.codec import encode_frame
@@ -134,6 +135,7 @@ class ControlRig:
             beat = self.link.wait("heartbeat", since=self.link.count)
             for _ in range(3):
                 self.beat(peer, of=beat)
+                self.sleep(0.005)  # of those that come while the loop is busy the newest counts
             self.wait(lambda: self.kernel.clocks.of(peer) is not None)
             if min(list(self.kernel.clocks.of(peer).samples))[0] < QUICK:
                 return
@@ -150,7 +152,7 @@ class ControlRig:
             self.frame("command/heartbeat", answer, peer=peer)
 
     def frame(self, suffix, message, *, peer="p1", role="driver"):
-        self.control.receive_frame(peer, role, encode_frame(suffix, message))
+        self.control.receive(peer, role, decoded(encode_frame(suffix, message)))
 
     def command(self, linear=0.5, angular=0.0, **fields):
         self.seq += 1

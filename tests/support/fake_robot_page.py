@@ -27,6 +27,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from robots.agent.media import MediaSide
+from robots.agent.media.frame_gate import Heard
 from robots.agent.permissions import Sender
 from robots.agent.safety import Kernel
 from robots.agent.simulator.profiles import model_of
@@ -46,6 +47,7 @@ ROBOT = "giraff"
 STEP = "/study/step/"  # where a study goes on
 PRACTICE = "/practice/robot/"
 TICK = 0.02
+SUFFIXES = {m.VelocityCommand: "command/velocity", m.CommandHeartbeat: "command/heartbeat", m.PointCommand: "command/point"}
 RENEWAL = 500  # ticks
 FPS = 6.0  # of the robot's camera: what a computer without a graphics card plays beside other tests
 POLICY = "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; media-src 'self' blob:; connect-src 'self'; object-src 'none'"
@@ -69,7 +71,7 @@ class FakeRobotPage:
         self.camera = camera or SyntheticCamera(fps=FPS)
         if isinstance(self.camera, SceneSource):
             self.camera.simulation = self.simulation
-        self.media = MediaSide(video=self.camera, audio=None, viewers=4, on_frame=self._on_channel, reply=self._reply)
+        self.media = MediaSide(video=self.camera, audio=None, viewers=4, on_command=self._on_channel, reply=self._reply)
         self.heard: list[tuple[int, str, str, Any]] = []
         self.applied: list[tuple[str, m.VelocityCommand]] = []
         self.study = study  # what experiments.task_page tells a page
@@ -297,13 +299,15 @@ class FakeRobotPage:
         self.answers.wait(10)
         self.do(lambda: peer in self._pages and self._pages[peer].say("signal/reply", message))
 
-    def _on_channel(self, peer: str, role: m.Role, frame: str | bytes) -> None:
-        self.do(self._hear_channel, peer, role, frame)
+    def _on_channel(self, peer: str, role: m.Role, heard: Heard) -> None:
+        self.do(self._hear_channel, peer, role, heard)
 
-    def _hear_channel(self, peer: str, role: m.Role, frame: str | bytes) -> None:
+    def _hear_channel(self, peer: str, role: m.Role, message: Heard) -> None:
         if self.deaf_to_channel:
             return
-        suffix, message = codec.decode_frame(frame, "to_robot")
+        if isinstance(message, Rejection):
+            raise message
+        suffix = SUFFIXES.get(type(message), "command/action")
         self.heard.append((0, "datachannel", suffix, message))
         if role == "driver" or suffix in {"command/action", "command/point"}:
             self._command(suffix, message, Sender("datachannel", peer, role=role), peer)

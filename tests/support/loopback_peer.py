@@ -10,6 +10,7 @@ from aiortc import RTCConfiguration, RTCDataChannel, RTCPeerConnection, RTCSessi
 from aiortc.mediastreams import MediaStreamError
 
 from robots.agent.media import MediaSide
+from robots.agent.media.frame_gate import Heard
 from robots.api.codec import decode_frame
 from robots.api.messages import Answer, Bye, Offer, Role, SignalReply
 from tests.support.patience import patient
@@ -30,13 +31,13 @@ class Exchange:
 
     loop: asyncio.AbstractEventLoop
     replies: list[tuple[str, SignalReply]] = field(default_factory=list)
-    frames: list[tuple[str, Role, str | bytes]] = field(default_factory=list)
+    heard: list[tuple[str, Role, Heard]] = field(default_factory=list)
 
     def reply(self, peer: str, message: SignalReply) -> None:
         self.loop.call_soon_threadsafe(self.replies.append, (peer, message))
 
-    def on_frame(self, peer: str, role: Role, frame: str | bytes) -> None:
-        self.loop.call_soon_threadsafe(self.frames.append, (peer, role, frame))
+    def on_command(self, peer: str, role: Role, heard: Heard) -> None:
+        self.loop.call_soon_threadsafe(self.heard.append, (peer, role, heard))
 
     def byes(self, peer: str) -> list[str]:
         return [message.reason for name, message in self.replies if name == peer and isinstance(message, Bye)]

@@ -5,6 +5,7 @@ quick is measured in the benchmarks.
 """
 
 FACTOR = 4.0
+PRESSED = 5.5  # s after pressing to drive, from which a turn that comes has to be accepted by pressing again
 HELD = 8.0  # s that a key is held before it is pressed anew: a page whose link is replaced lets go of every key
 
 

@@ -44,7 +44,7 @@ class PresentRobotPage(FakeRobotPage):
         self.kernel.capabilities = frozenset(capabilities)
         self.speaker, self.display, self.calls = MeasuringSpeaker(), MeasuringDisplay(), Calls()
         self.media = MediaSide(
-            video=FROM_PAGE if from_page else self.camera, audio=FROM_PAGE if from_page else SyntheticMicrophone(), viewers=4, on_frame=self._on_channel, reply=self._reply,
+            video=FROM_PAGE if from_page else self.camera, audio=FROM_PAGE if from_page else SyntheticMicrophone(), viewers=4, on_command=self._on_channel, reply=self._reply,
             outputs=(self.speaker, self.display),
         )  # fmt: skip
         self.pointing = Pointing()

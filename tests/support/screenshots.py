@@ -13,6 +13,7 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import Browser, sync_playwright
 
+from tests.support.patience import PRESSED
 from tests.support.site import ROOT, Site, running_site, wait_for
 from tests.support.visitor import Visitor, chromium
 
@@ -90,7 +91,7 @@ def main() -> None:
             choose(anna, "standard")
             waiting = Visitor(browser, site, "dora", viewport={"width": 390, "height": 844}).open(go=True)
             waiting.wait_for("phase", "queued")
-            waiting.page.wait_for_timeout(6000)  # whose turn comes within five seconds need not press again
+            waiting.page.wait_for_timeout(1000 * PRESSED)
             waiting.screenshot(folder / "queue-phone.png")
             anna.page.set_viewport_size({"width": 1280, "height": 800})
             anna.leave()

@@ -163,7 +163,8 @@ class OpenMoraMqttAdapter(RemoteAdapter):
                 self._take(str(delivery.topic).rpartition("/")[2], *openmora.unstamped(payload))
 
     async def _send(self, client: Client) -> None:
-        while True:
+        # asyncio.wait_for, which `publish` waits with, forgets that it was cancelled when it ends at that moment (until Python 3.12).
+        while not self._failure:
             topic, text = await self._outgoing.take()
             await client.publish(f"{self._options.robot}/{topic}", openmora.stamped(text, time.time()), qos=0)
 

@@ -22,7 +22,7 @@ from robots.api.messages import Answer, Bye, Candidate, Heartbeat, Offer, Role, 
 
 log = logging.getLogger(__name__)
 
-MakeViewer = Callable[[str, Role, str, Callable[[], None]], Viewer]
+MakeViewer = Callable[[str, Role, str, Callable[[str], None]], Viewer]
 
 
 class Connections:
@@ -105,7 +105,7 @@ class Connections:
         if (old := self._viewers.pop(peer, None)) is not None:
             self._keep(old.close())
         is_screen, source = offer.role == "screen", f"{peer} {next(self._count)}"
-        viewer = self._make_viewer(peer, offer.role, source, lambda: self._ended(peer, viewer))
+        viewer = self._make_viewer(peer, offer.role, source, lambda reason: self._ended(peer, viewer, reason))
         self._viewers[peer] = viewer
         if is_screen:
             self.newest_screen = source
@@ -150,10 +150,10 @@ class Connections:
             self._end(peer, "left")
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
-    def _ended(self, peer: str, viewer: Viewer) -> None:
-        """End a connection that failed by itself, unless a newer one has taken its place."""
+    def _ended(self, peer: str, viewer: Viewer, reason: str = "failed") -> None:
+        """End a connection that failed by itself, or floods, unless a newer one has taken its place."""
         if self._viewers.get(peer) is viewer:
-            self._end(peer, "failed")
+            self._end(peer, reason)
 
     def _end(self, peer: str, reason: str | None) -> None:
         """Close a page's connection and tell it why, or nothing when it said goodbye itself."""
@@ -178,22 +178,22 @@ class Connections:
 
     # --- what they are sent ------------------------------------------------------------------------------------------
 
-    def send(self, frame: str) -> None:
+    def send(self, suffix: str, frame: str) -> None:
         """Send a frame to every page that is connected."""
         for viewer in self._viewers.values():
-            viewer.send(frame)
+            viewer.send(suffix, frame)
 
     def send_heartbeat(self, suffix: str, heartbeat: Heartbeat) -> None:
         """Send each page its own echoes alone: a peer id is a secret between its page, the server and the robot."""
         for peer, viewer in self._viewers.items():
             own = tuple(echo for echo in heartbeat.echoes if echo.peer == peer)
-            viewer.send(encode_frame(suffix, msgspec.structs.replace(heartbeat, echoes=own)))
+            viewer.send(suffix, encode_frame(suffix, msgspec.structs.replace(heartbeat, echoes=own)))
 
     def point(self, by: Literal["driver", "screen"], frame: str) -> None:
         """Send a frame of one side to the other: the robot's own displays, or the driver."""
         for peer, viewer in self._viewers.items():
             if (peer in self._screens) if by == "driver" else self.drives(peer):
-                viewer.send(frame)
+                viewer.send("pointer", frame)
 
     def lead(self, line: TimedLine | None) -> None:
         """Lead what the driver is sent over the line, and what everybody else is sent straight to them."""

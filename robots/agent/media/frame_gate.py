@@ -1,43 +1,76 @@
-"""How much a page may say on its data channel before anybody decodes it."""
+"""How much a page may say on its data channel, and what it has said: each frame is decoded here, once, and by nobody after."""
 
 from collections import Counter
 from typing import Literal
 
+from robots.api.bucket import Bucket
+from robots.api.codec import decode_frame
+from robots.api.errors import Rejection
+from robots.api.messages import Action, CommandHeartbeat, EStop, PointCommand, Stop, VelocityCommand
+
+Command = VelocityCommand | Action | CommandHeartbeat | PointCommand
+Heard = Command | Rejection
 Verdict = Literal["accepted", "oversized", "too_fast"]
+Kind = Literal["velocity", "stop", "heartbeat", "point", "action", "nonsense"]
 
 MAX_BYTES = 64 * 1024
-RATE = 200.0  # frames a second, four times what a driving page sends
-BURST = 200.0
 
 
 class FrameGate:
-    """A token bucket for one peer, and what it let through or not; `now` is any monotonic clock in seconds.
+    """The token buckets of one peer, and a count of what they let through or not. Times are monotonic, in seconds.
 
-    A frame that may be a stop passes a bucket that is empty: a page that floods must still be able to stop its robot.
+    Each kind of message has a bucket of its own, so that nothing else that a page says can use up the one of its stops. A page that drives
+    sends 20 to 50 velocities a second, 20 stops until it hears of one, five heartbeats and at most as many spots as are shown. What is left
+    out fills the measure of a flood: no page of ours ever loses anything here.
     """
 
-    def __init__(self, now: float) -> None:
-        self._tokens = BURST
-        self._filled = now
+    def __init__(self) -> None:
+        self._buckets: dict[Kind, Bucket] = {
+            "velocity": Bucket(rate=100.0, burst=100.0),
+            "stop": Bucket(rate=60.0, burst=60.0),
+            "heartbeat": Bucket(rate=20.0, burst=20.0),
+            "point": Bucket(rate=30.0, burst=30.0),
+            "action": Bucket(rate=30.0, burst=60.0),
+            "nonsense": Bucket(rate=50.0, burst=50.0),
+        }
+        self._refusals = Bucket(rate=50.0, burst=500.0)
+        self.floods = False
         self.counts: Counter[Verdict] = Counter()
 
-    def judge(self, frame: str | bytes, now: float) -> Verdict:
-        """Return what to do with a frame, and count it."""
-        verdict = self._verdict(frame, now)
-        self.counts[verdict] += 1
-        return verdict
-
-    def _verdict(self, frame: str | bytes, now: float) -> Verdict:
+    def take(self, frame: str | bytes, now: float) -> Heard | None:
+        """Return what a frame says, or why that cannot be read; None when it is too large or one too many."""
+        heard = decoded(frame)
+        verdict: Verdict = "accepted"
         if len(frame) > MAX_BYTES:
-            return "oversized"
-        self._tokens = min(BURST, self._tokens + (now - self._filled) * RATE)
-        self._filled = now
-        if self._tokens < 1.0:
-            return "accepted" if _may_be_a_stop(frame) else "too_fast"
-        self._tokens -= 1.0
-        return "accepted"
+            verdict = "oversized"
+        elif not self._buckets[_kind(heard)].spend(now):
+            verdict = "too_fast"
+        self.counts[verdict] += 1
+        if verdict == "accepted":
+            return heard
+        self.floods = self.floods or not self._refusals.spend(now)
+        return None
 
 
-def _may_be_a_stop(frame: str | bytes) -> bool:
-    """Tell whether a frame could hold a stop or an e-stop, without decoding it."""
-    return "stop" in frame if isinstance(frame, str) else b"stop" in frame
+def decoded(frame: str | bytes) -> Heard:
+    """Return the command that a frame of a data channel holds, or why it holds none."""
+    try:
+        suffix, message = decode_frame(frame, "to_robot")
+    except Rejection as rejection:
+        return rejection
+    return message if isinstance(message, Command) else Rejection("not_from_server", suffix)
+
+
+def _kind(heard: Heard) -> Kind:
+    match heard:
+        case Stop() | EStop():
+            return "stop"
+        case VelocityCommand():
+            return "velocity"
+        case CommandHeartbeat():
+            return "heartbeat"
+        case PointCommand():
+            return "point"
+        case Action():
+            return "action"
+    return "nonsense"

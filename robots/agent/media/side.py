@@ -22,6 +22,7 @@ from robots.agent.media.camera import CameraFeed
 from robots.agent.media.capture import CaptureState
 from robots.agent.media.connections import Connections
 from robots.agent.media.encoder import Picture
+from robots.agent.media.frame_gate import Heard
 from robots.agent.media.microphone import MicrophoneFeed
 from robots.agent.media.outputs import OutputFeed
 from robots.agent.media.page_sources import PageCamera, PageMicrophone
@@ -49,8 +50,8 @@ class MediaSide:
         video: the driving camera, FROM_PAGE where the page of the robot's own screen gives the picture, or None.
         audio: the microphone, likewise.
         viewers: how many pages may be connected at once; the driver always finds room.
-        on_frame: called on the media loop with (peer, its role at this moment, frame) for every frame on a data channel that
-            is not oversized and not too fast; what an observer sends comes too, for the control side to refuse and count.
+        on_command: called on the media loop with (peer, its role at this moment, command or why it could not be read) for every frame on a
+            data channel that is not oversized and not one too many; what an observer sends comes too, for the control side to refuse and count.
         reply: called on the media loop with (peer, message) for the page.
         on_picture: called in a thread of its own, or on the media loop, with each picture for pages that WebRTC does not reach and the
             one peer that it is for, None for all who have asked; without it they get none.
@@ -64,14 +65,14 @@ class MediaSide:
         video: VideoSource | FromPage | None,
         audio: AudioSource | FromPage | None,
         viewers: int,
-        on_frame: Callable[[str, Role, str | bytes], None],
+        on_command: Callable[[str, Role, Heard], None],
         reply: Callable[[str, SignalReply], None],
         on_picture: Callable[[bytes, str | None], None] | None = None,
         outputs: Outputs = (None, None),
         trust: ssl.SSLContext | None = None,
     ) -> None:
         aiortc_hooks.install()
-        self._on_frame = on_frame
+        self._on_command = on_command
         self._pages = Connections(viewers, self._viewer_for, reply, self._lead)
         self._relays = Relays(trust=trust)
         clock = RtpClock(origin=random.randrange(1 << 32))  # noqa: S311 -- RFC 3550 wants it random, SRTP does not depend on it
@@ -138,7 +139,7 @@ class MediaSide:
         if isinstance(message, Heartbeat):
             self._post(self._pages.send_heartbeat, suffix, message)
         else:
-            self._post(self._pages.send, encode_frame(suffix, for_page(message)))
+            self._post(self._pages.send, suffix, encode_frame(suffix, for_page(message)))
 
     def point(self, pointer: Pointer) -> None:
         """Send where one side points to the other alone: the driver's page, or the robot's own displays; dropped for a page that is behind."""
@@ -253,14 +254,14 @@ class MediaSide:
 
     # --- pages, on the media loop --------------------------------------------------------------------------------
 
-    def _viewer_for(self, peer: str, role: Role, source: str, on_end: Callable[[], None]) -> Viewer:
+    def _viewer_for(self, peer: str, role: Role, source: str, on_end: Callable[[str], None]) -> Viewer:
         """Return the connection of a page: displays see and hear the visitor, everybody else the robot."""
         is_screen = role == "screen"
         return Viewer(
             peer,
             camera=self._visitor if is_screen else self._camera,
             microphone=self._visitor if is_screen else self._microphone,
-            on_frame=lambda frame: self._on_frame(peer, self._pages.role(peer), frame),
+            on_command=lambda heard: self._on_command(peer, self._pages.role(peer), heard),
             on_end=on_end,
             on_media=self._listener_to(peer, source, role),
             relays=self._relays,

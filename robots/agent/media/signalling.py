@@ -23,7 +23,7 @@ from aiortc import (
 from aiortc.exceptions import InternalError, InvalidAccessError, InvalidStateError, OperationError
 
 from robots.agent.media import aiortc_hooks, sctp, sdp
-from robots.agent.media.frame_gate import FrameGate
+from robots.agent.media.frame_gate import FrameGate, Heard
 from robots.agent.media.outbox import PictureOutbox, SoundOutbox
 from robots.agent.media.relays import Relays
 from robots.api.messages import Candidate, Offer
@@ -49,9 +49,9 @@ class PageConnection:
 
     Args:
         peer: the peer id that the server made.
-        on_frame: called with every frame from the page that passed the gate.
+        on_command: called with what every frame from the page says that passed the gate.
         on_open: called when the page has opened a data channel.
-        on_end: called once when the connection failed or was closed by the page.
+        on_end: called with the reason when the connection failed, was closed by the page, or the page floods.
         on_media: called with (kind, what is encoded, RTP ticks from 0) for the visitor's voice and face; None drops them unread.
         relays: what is known of relays, shared by all connections of a robot. An empty list of servers means none, where aiortc's default
             is a stranger's.
@@ -60,12 +60,12 @@ class PageConnection:
     peer: str
     pictures: PictureOutbox | None
     sounds: SoundOutbox | None
-    on_frame: Callable[[str | bytes], None]
+    on_command: Callable[[Heard], None]
     on_open: Callable[[], None]
-    on_end: Callable[[], None]
+    on_end: Callable[[str], None]
     on_media: Callable[[sdp.Kind, bytes, int], None] | None = None
     relays: Relays = field(default_factory=Relays)
-    gate: FrameGate = field(default_factory=lambda: FrameGate(time.monotonic()))
+    gate: FrameGate = field(default_factory=FrameGate)
     channels: list[RTCDataChannel] = field(default_factory=list)
     dropped_telemetry: int = 0
     _connection: RTCPeerConnection | None = None
@@ -208,7 +208,7 @@ class PageConnection:
         state = self._connection.connectionState
         log.info("peer_connection peer=%s state=%s", self.peer, state)
         if state in ("failed", "closed") and not self._closed:
-            self.on_end()
+            self.on_end("failed")
 
     def _on_channel(self, channel: RTCDataChannel) -> None:
         if len(self.channels) >= MAX_CHANNELS:
@@ -222,5 +222,9 @@ class PageConnection:
 
     def _on_message(self, frame: str | bytes) -> None:
         self._last_frame = time.monotonic()
-        if self.gate.judge(frame, self._last_frame) == "accepted":
-            self.on_frame(frame)
+        heard = self.gate.take(frame, self._last_frame)
+        if heard is not None:
+            self.on_command(heard)
+        elif self.gate.floods and not self._closed:
+            log.warning("page_floods peer=%s counts=%s", self.peer, dict(self.gate.counts))
+            self.on_end("flooded")

@@ -10,30 +10,20 @@ from robots.agent.cadence import Cadence
 from robots.agent.media.aiortc_hooks import Detour
 from robots.agent.media.climb import Climb
 from robots.agent.media.encoder import Picture
+from robots.agent.media.frame_gate import Heard
 from robots.agent.media.key_frames import Reason
 from robots.agent.media.outbox import PictureOutbox, SoundOutbox
 from robots.agent.media.relays import Relays
 from robots.agent.media.rtp import ClockTeller
 from robots.agent.media.sdp import Kind
 from robots.agent.media.signalling import PageConnection
-from robots.api.codec import decode_frame, encode_frame
-from robots.api.errors import Rejection
+from robots.api.codec import encode_frame
 from robots.api.messages import Candidate, CommandHeartbeat, Offer
 
-BEAT = "command/heartbeat\n"
 NARROW = 2  # the first rung of a network that has no room to spare
-SPARSE = {"scan\n": 0.95, "pose\n": 0.19}  # s between two of them there; five and fifteen a second would be as much as the picture
+SPARSE = {"scan": 0.95, "pose": 0.19}  # s between two of them there; five and fifteen a second would be as much as the picture
 
 log = logging.getLogger(__name__)
-
-
-def age_in(frame: str) -> float | None:
-    """Return how old the picture is that a page says it shows, in s; None when it does not say, or says nonsense."""
-    try:
-        _, beat = decode_frame(frame)
-    except Rejection:
-        return None
-    return beat.frame_age if isinstance(beat, CommandHeartbeat) else None
 
 
 class Pictures(Protocol):
@@ -64,8 +54,8 @@ class Viewer:
         peer: the peer id that the server made.
         camera: what it watches from the offer on, so that the first picture is there when the connection is.
         microphone: what it hears.
-        on_frame: called with every frame from the page that passed the gate.
-        on_end: called once when the connection failed or was closed by the page.
+        on_command: called with what every frame from the page says that passed the gate.
+        on_end: called with the reason when the connection failed, was closed by the page, or the page floods.
         on_media, relays: see `PageConnection`.
     """
 
@@ -75,15 +65,15 @@ class Viewer:
         *,
         camera: Pictures | None,
         microphone: Sounds | None,
-        on_frame: Callable[[str | bytes], None],
-        on_end: Callable[[], None],
+        on_command: Callable[[Heard], None],
+        on_end: Callable[[str], None],
         on_media: Callable[[Kind, bytes, int], None] | None = None,
         relays: Relays | None = None,
     ) -> None:
         self.peer = peer
         self._camera = camera
         self._microphone = microphone
-        self._on_frame = on_frame
+        self._on_command = on_command
         self._clock = ClockTeller()
         self._pictures = PictureOutbox(self._ask_camera, self._tell_clock, self._lost) if camera is not None else None
         self._climb = Climb(camera.rates if camera is not None else (0,), time.monotonic())
@@ -91,7 +81,7 @@ class Viewer:
         origin = random.randrange(1 << 32)  # noqa: S311 -- RFC 3550 wants it random, SRTP does not depend on it
         self._sparse = {suffix: Cadence(period) for suffix, period in SPARSE.items()}
         self._sounds = SoundOutbox(origin) if microphone is not None else None
-        self._page = PageConnection(peer, self._pictures, self._sounds, self._take_frame, self._clock.forget, on_end, on_media, relays or Relays())
+        self._page = PageConnection(peer, self._pictures, self._sounds, self._take, self._clock.forget, on_end, on_media, relays or Relays())
         self._shown = -1  # the RTP timestamp of the newest picture
         self._holed = self._begged = False  # pictures were left out, and a key frame was asked for that mends it
         self._watching = False
@@ -149,9 +139,9 @@ class Viewer:
         if self._sounds is not None:
             self._sounds.put(payload, ticks)
 
-    def send(self, frame: str) -> None:
+    def send(self, suffix: str, frame: str) -> None:
         """Send a frame on the data channel, or drop it; on a narrow network most of what a newer one replaces."""
-        if self._rung >= NARROW and (cadence := self._sparse.get(frame[:5])) is not None and not cadence.due(time.monotonic()):
+        if self._rung >= NARROW and (cadence := self._sparse.get(suffix)) is not None and not cadence.due(time.monotonic()):
             return
         self._page.send(frame)
 
@@ -199,13 +189,13 @@ class Viewer:
         if self._camera is not None:
             self._camera.ask_key_frame(reason, self._rung)
 
-    def _take_frame(self, frame: str | bytes) -> None:
-        if self._pictures is not None and isinstance(frame, str) and frame.startswith(BEAT):
-            age, sent = age_in(frame), self._pictures.rate
+    def _take(self, heard: Heard) -> None:
+        if self._pictures is not None and isinstance(heard, CommandHeartbeat):
+            age, sent = heard.frame_age, self._pictures.rate
             if age is not None and sent is not None:
                 self._climb.aged(time.monotonic(), age, sent)
                 self._move()
-        self._on_frame(frame)
+        self._on_command(heard)
 
     def _lost(self, share: float) -> None:
         self._climb.lost(time.monotonic(), share)

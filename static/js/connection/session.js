@@ -163,7 +163,7 @@ const HANDLERS = {
   /** The page was loaded: `session` from before a reload, `go` when the link says to drive at once. */
   loaded: (visit, { session, takeover, go, now }) =>
     session || go
-      ? ask(visit, { session: session ?? null, returning: Boolean(session), takeover: Boolean(takeover), fresh: Boolean(go), pressedAt: go ? now : null })
+      ? ask(visit, { session: session ?? null, returning: Boolean(session), takeover: Boolean(takeover), fresh: Boolean(go), pressedAt: go && !session ? now : null })
       : [{}],
 
   socket_open: (visit) => [{ socket: "open" }, [...leaveAgain(visit), ...askAgain(visit)]],

@@ -6,6 +6,7 @@ import re
 import pytest
 from playwright.sync_api import expect
 
+from tests.support.patience import PRESSED
 from tests.support.site import wait_for
 
 pytestmark = pytest.mark.browser
@@ -97,7 +98,7 @@ def test_a_second_visitor_waits_with_place_and_minutes_and_then_gets_the_robot(s
     dora.wait_for("phase", "queued")
     expect(dora.page.locator("#card")).to_contain_text(re.compile(r"\d"))
     expect(carl.page.locator("#waiting")).to_be_visible()
-    dora.page.wait_for_timeout(5500)  # whose turn comes sooner than that after pressing need not press again
+    dora.page.wait_for_timeout(1000 * PRESSED)
     carl.leave()
     dora.wait_for("phase", "turn")
     dora.page.locator("#card-main").click()

@@ -10,7 +10,7 @@ from playwright.async_api import Browser, Page
 from sessions import wire
 from tests.support.drive_page import driving, hold, opened, until
 from tests.support.fake_robot_page import PRACTICE, FakeRobotPage
-from tests.support.patience import patient
+from tests.support.patience import PRESSED, patient
 from tests.support.picture_server import jpeg_of
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
@@ -58,6 +58,7 @@ async def test_a_turn_calls_by_the_title_counts_down_and_passes_when_it_is_not_t
         second.set_default_timeout(patient(20) * 1000)
         await driving(first)
         await second.wait_for_selector("#card[data-card='queued.next']")
+        await asyncio.sleep(PRESSED)
         site.offer_turn(8.0)
         await second.wait_for_selector("#card[data-card=turn]")
         assert await second.title() == "It is your turn · Giraff · Telepresence"
@@ -77,6 +78,7 @@ async def test_who_waits_practises_until_the_turn_comes_and_then_has_the_real_ro
         await second.wait_for_selector("#practice:not([hidden])")
         await second.frame_locator("#practice-frame").locator("text=Another robot").wait_for()
         assert "You are next" in (await second.text_content("#practice-words") or "")
+        await asyncio.sleep(PRESSED)
         site.offer_turn(30.0)
         await second.wait_for_selector("#card[data-card=turn]")
         await second.wait_for_selector("#practice", state="hidden")

@@ -32,7 +32,7 @@ async def rig(tmp_path, exchange):
         video=SyntheticCamera(),
         audio=SyntheticMicrophone(),
         viewers=3,
-        on_frame=lambda peer, role, frame: rig.control.receive_frame(peer, role, frame),  # noqa: PLW0108 -- the rig comes later
+        on_command=lambda peer, role, heard: rig.control.receive(peer, role, heard),  # noqa: PLW0108 -- the rig comes later
         reply=exchange.reply,
     )
     rig = ThreadedControlRig(tmp_path, media=media)

@@ -348,7 +348,7 @@ def test_after_the_servers_counter_began_anew_copies_from_before_a_stop_stay_dea
 
 def test_an_estop_with_the_id_of_a_stop_latches(bench):
     bench.stop(action_id="the-same", peer="p2")
-    assert bench.estop(action_id="the-same", role="observer", user="Eve")
+    assert bench.estop(action_id="the-same", role="staff", user="Eve")
     assert bench.kernel.latch is not None
 
 
@@ -374,8 +374,8 @@ def test_a_stop_presses_zeros_on_a_base_that_somebody_else_moves():
 
 def test_an_estop_latches_with_its_source_until_staff_clears_it(bench):
     bench.run(2.0, every=0.06, linear=0.5)
-    bench.estop(role="observer", user="Eve")
-    assert bench.kernel.latch.label == "observer:Eve"
+    bench.estop(role="staff", user="Eve")
+    assert bench.kernel.latch.label == "staff:Eve"
     bench.run(5.0, every=0.06, linear=0.5)
     assert bench.speed == 0.0
     assert bench.kernel.refused["estop"] > 0

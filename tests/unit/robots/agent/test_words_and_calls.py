@@ -108,6 +108,7 @@ def point(rig, stamp, *, way="datachannel", peer="p1", role="driver", **fields):
         rig.link.say("command/point", command)
     else:
         rig.frame("command/point", command, peer=peer, role=role)
+    rig.sleep(0.005)  # of two spots that come while the loop is busy the newest counts
 
 
 def shares(rig):

@@ -27,7 +27,7 @@ async def exchange() -> Exchange:
 
 @pytest.fixture
 async def media(camera: SyntheticCamera, microphone: SyntheticMicrophone, exchange: Exchange) -> AsyncIterator[MediaSide]:
-    side = MediaSide(video=camera, audio=microphone, viewers=3, on_frame=exchange.on_frame, reply=exchange.reply)
+    side = MediaSide(video=camera, audio=microphone, viewers=3, on_command=exchange.on_command, reply=exchange.reply)
     side.start()
     yield side
     await asyncio.to_thread(side.close)

@@ -110,7 +110,7 @@ async def slow(camera):
     def take(payload, peer) -> None:
         sent.append((peer, picture.unpack(payload)[0], time.time()))
 
-    side = MediaSide(video=camera, audio=None, viewers=2, on_frame=nothing, reply=nothing, on_picture=take)
+    side = MediaSide(video=camera, audio=None, viewers=2, on_command=nothing, reply=nothing, on_picture=take)
     side.start()
     side.lease_changed("p1")
     yield side, sent

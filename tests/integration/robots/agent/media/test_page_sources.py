@@ -20,7 +20,7 @@ class Robot:
 
     def __init__(self, exchange: Exchange, **sources: str) -> None:
         self.exchange, self.pages = exchange, []
-        self.media = MediaSide(viewers=4, on_frame=exchange.on_frame, reply=exchange.reply, **{"video": FROM_PAGE, "audio": FROM_PAGE} | sources)
+        self.media = MediaSide(viewers=4, on_command=exchange.on_command, reply=exchange.reply, **{"video": FROM_PAGE, "audio": FROM_PAGE} | sources)
         self.media.start()
 
     async def screen(self, peer: str, colour: tuple[int, int, int]) -> SpeakingPage:

@@ -9,9 +9,10 @@ from itertools import pairwise
 import pytest
 
 from robots.agent.media import signalling
+from robots.agent.media.frame_gate import MAX_BYTES
 from robots.agent.media.rtp import capture_stamp
 from robots.api.codec import encode_frame
-from robots.api.messages import Bye, Candidate, CommandHeartbeat, Echo, Heartbeat, Offer, Pointer, PoseUpdate, Stay
+from robots.api.messages import Bye, Candidate, CommandHeartbeat, Echo, Heartbeat, Offer, PointCommand, Pointer, PoseUpdate, Stay, Stop
 from tests.support.loopback_peer import LoopbackPage, until
 from tests.support.synthetic_camera import TICKS_PER_SECOND, apart, code_of, read_code
 
@@ -218,11 +219,11 @@ async def test_frames_come_with_the_role_that_the_lease_gives(media, exchange, n
     driver, observer = new_page("p1", decode=False), new_page("p2", decode=False)
     await driver.connect("driver")
     await observer.connect("observer")
-    driver.channel.send("command/velocity\n{}")
-    await until(lambda: exchange.frames)
-    observer.channel.send("command/velocity\n{}")
-    await until(lambda: len(exchange.frames) == 2)
-    assert exchange.frames == [("p1", "driver", "command/velocity\n{}"), ("p2", "observer", "command/velocity\n{}")]
+    driver.channel.send(encode_frame("command/point", PointCommand(peer="p1", stamp=1.0)))
+    await until(lambda: exchange.heard)
+    observer.channel.send(encode_frame("command/point", PointCommand(peer="p2", stamp=1.0)))
+    await until(lambda: len(exchange.heard) == 2)
+    assert [(peer, role, heard.peer) for peer, role, heard in exchange.heard] == [("p1", "driver", "p1"), ("p2", "observer", "p2")]
 
 
 async def test_a_driver_whose_lease_ended_speaks_as_an_observer_from_the_next_frame_on_and_is_sent_away(
@@ -233,11 +234,11 @@ async def test_a_driver_whose_lease_ended_speaks_as_an_observer_from_the_next_fr
     page = new_page("p1", decode=False)
     await page.connect("driver")
     page.channel.send("one")
-    await until(lambda: len(exchange.frames) == 1)
+    await until(lambda: len(exchange.heard) == 1)
     media.lease_changed("p2")
     page.channel.send("two")
-    await until(lambda: len(exchange.frames) == 2)
-    assert [role for _, role, _ in exchange.frames] == ["driver", "observer"]
+    await until(lambda: len(exchange.heard) == 2)
+    assert [role for _, role, _ in exchange.heard] == ["driver", "observer"]
     await until(lambda: exchange.byes("p1") == ["lease_changed"] and media.connected == 0)
     again = new_page("p1", decode=False)
     await again.connect("observer")
@@ -263,19 +264,30 @@ async def test_a_page_that_claims_to_drive_without_the_lease_is_an_observer(medi
     page = new_page("p1", decode=False)
     await page.connect("driver")
     page.channel.send("one")
-    await until(lambda: exchange.frames)
-    assert exchange.frames[0][1] == "observer"
+    await until(lambda: exchange.heard)
+    assert exchange.heard[0][1] == "observer"
 
 
 async def test_oversized_and_too_many_frames_are_dropped_and_counted(media, exchange, new_page) -> None:
     page = new_page("p1", decode=False)
     await page.connect()
-    for _ in range(600):
+    for _ in range(300):
         page.channel.send(b"x")
-    await until(lambda: media.statistics()["p1"]["too_fast"] > 100, what="a full gate")
-    page.channel.send("command/action\n" + '{"type":"stop"}')
-    await until(lambda: any("stop" in str(frame) for _, _, frame in exchange.frames), what="the stop")
-    assert len(exchange.frames) < 600
+    page.channel.send(" " * (MAX_BYTES + 1))
+    await until(lambda: media.statistics()["p1"]["too_fast"] > 100 and media.statistics()["p1"]["oversized"], what="a full gate")
+    page.channel.send(encode_frame("command/action", Stop(action_id="s1", stamp=1.0)))
+    await until(lambda: isinstance(exchange.heard[-1][2], Stop), what="the stop")
+    assert len(exchange.heard) < 200
+
+
+async def test_a_page_that_floods_is_sent_away_and_may_come_again(media, exchange, new_page) -> None:
+    for _ in range(2):
+        page = new_page("p1", decode=False)
+        await page.connect()
+        exchange.replies.clear()
+        for _ in range(800):
+            page.channel.send(encode_frame("command/action", Stop(action_id="s1", stamp=1.0)))
+        await until(lambda: exchange.byes("p1") == ["flooded"] and media.connected == 0, what="the end")
 
 
 async def test_telemetry_reaches_every_page(media, new_page) -> None:
@@ -464,12 +476,12 @@ async def test_every_offer_is_answered_or_refused_however_it_is_mangled(media, e
 async def test_a_robot_without_camera_still_has_a_data_channel(exchange) -> None:
     from robots.agent.media import MediaSide
 
-    side = MediaSide(video=None, audio=None, viewers=2, on_frame=exchange.on_frame, reply=exchange.reply)
+    side = MediaSide(video=None, audio=None, viewers=2, on_command=exchange.on_command, reply=exchange.reply)
     side.start()
     page = LoopbackPage(side, exchange, "p1")
     await page.connect()
     page.channel.send("hello")
-    await until(lambda: exchange.frames)
+    await until(lambda: exchange.heard)
     assert side.snapshot() is None
     assert side.camera is None
     await page.close()

@@ -95,7 +95,9 @@ def nothing(*_):
 
 async def test_the_media_side_counts_whoever_is_sent_pictures_and_rests_the_camera_after_them(camera):
     pictures = []
-    side = MediaSide(video=camera, audio=None, viewers=2, on_frame=nothing, reply=nothing, on_picture=lambda payload, _peer: pictures.append(payload))
+    side = MediaSide(
+        video=camera, audio=None, viewers=2, on_command=nothing, reply=nothing, on_picture=lambda payload, _peer: pictures.append(payload)
+    )
     side.start()
     try:
         side.picture_wanted(PictureRequest(stamp=1.0, peer="p1"))
@@ -109,7 +111,7 @@ async def test_the_media_side_counts_whoever_is_sent_pictures_and_rests_the_came
 
 
 async def test_a_robot_without_a_camera_sends_none():
-    side = MediaSide(video=None, audio=None, viewers=2, on_frame=nothing, reply=nothing, on_picture=nothing)
+    side = MediaSide(video=None, audio=None, viewers=2, on_command=nothing, reply=nothing, on_picture=nothing)
     side.start()
     side.picture_wanted(PictureRequest(stamp=1.0, peer="p1"))
     assert side.connected == 0

@@ -22,7 +22,7 @@ class Robot:
     def __init__(self, exchange: Exchange) -> None:
         self.speaker, self.display, self.exchange = MeasuringSpeaker(), MeasuringDisplay(), exchange
         self.media = MediaSide(
-            video=SyntheticCamera(), audio=SyntheticMicrophone(), viewers=4, on_frame=exchange.on_frame, reply=exchange.reply,
+            video=SyntheticCamera(), audio=SyntheticMicrophone(), viewers=4, on_command=exchange.on_command, reply=exchange.reply,
             outputs=(self.speaker, self.display),
         )  # fmt: skip
         self.pages: list[LoopbackPage] = []

@@ -24,7 +24,7 @@ class Camera:
 @pytest.fixture
 def viewer():
     """A viewer whose climb and connection are the test's: `sent` has the RTP times of its pictures."""
-    made = Viewer("p", camera=Camera(), microphone=None, on_frame=lambda frame: None, on_end=lambda: None)
+    made = Viewer("p", camera=Camera(), microphone=None, on_command=lambda heard: None, on_end=lambda reason: None)
     made._watching = True
     made.sent = []
     made._climb = SimpleNamespace(rung=0, paused=False, pauses=lambda now: made._climb.paused, look=lambda now: 0.0)
@@ -70,6 +70,6 @@ def test_on_a_narrow_network_scans_and_poses_come_seldom_and_nothing_else_does(v
     viewer._page = SimpleNamespace(send=heard.append)
     viewer._rung = 3
     for _ in range(5):
-        for frame in ("scan\n{}", "pose\n{}", "state\n{}", "event\n{}"):
-            viewer.send(frame)
+        for suffix in ("scan", "pose", "state", "event"):
+            viewer.send(suffix, f"{suffix}\n{{}}")
     assert [heard.count(f"{suffix}\n{{}}") for suffix in ("scan", "pose", "state", "event")] == [1, 1, 5, 5]
