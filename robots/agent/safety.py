@@ -228,7 +228,7 @@ class Kernel:
     def measured(self, velocity: Velocity, now: float) -> None:
         """Take note of how the robot really moves."""
         self._motion = velocity
-        if abs(velocity.linear) > STANDSTILL or abs(velocity.angular) > STANDSTILL_TURNING:
+        if _moves(velocity):
             self._still_since = None
             self._restless = self._restless or self.latch is not None
         elif self._still_since is None:
@@ -250,7 +250,7 @@ class Kernel:
     def runs_on(self, now: float) -> bool:
         """Tell whether the robot moves although it should have come to a stand for long."""
         since = self._told_to_stand_at
-        return since is not None and self._still_since is None and now - since > RUNS_ON
+        return since is not None and _moves(self._motion) and now - since > RUNS_ON
 
     def caps(self, now: float) -> Caps:
         """Return the largest speeds allowed now: the least of robot, lease and assistance."""
@@ -532,6 +532,10 @@ class Kernel:
         self.contact.left -= max(0.0, away) * min(seconds, MAX_STEP)
         if self.contact.left <= 0.0:
             self.contact = None
+
+
+def _moves(measured: Velocity) -> bool:
+    return abs(measured.linear) > STANDSTILL or abs(measured.angular) > STANDSTILL_TURNING
 
 
 def _grant(lease: Lease | None) -> tuple[str, int] | None:

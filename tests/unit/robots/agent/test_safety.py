@@ -363,6 +363,18 @@ def test_an_observers_stop_kills_no_number_of_the_driver(bench):
     assert bench.drive(0.0).reason is None
 
 
+def test_a_robot_of_which_nothing_is_heard_is_not_said_to_run_on(bench):
+    bench.drive(0.5)
+    bench.kernel.measured(ZERO, bench.now)
+    bench.stop()
+    for _ in range(200):
+        bench.now += 0.02
+        bench.kernel.tick(bench.now)
+        assert not bench.kernel.runs_on(bench.now)
+    bench.kernel.measured(m.Velocity(linear=0.3, angular=0.0), bench.now)
+    assert bench.kernel.runs_on(bench.now)
+
+
 def test_a_stop_presses_zeros_on_a_base_that_somebody_else_moves():
     bench = Bench()
     bench.stop()
