@@ -6,6 +6,7 @@ import sys
 BENCHMARKS = (
     "media",
     "control",
+    "page_floods",
     "relay",
     "states",
     "load",

@@ -75,6 +75,7 @@ class PageConnection:
     _began: float = field(default_factory=time.monotonic)
     _last_frame: float = 0.0
     _closed: bool = False
+    _sent_away: bool = False
 
     @property
     def is_connected(self) -> bool:
@@ -225,6 +226,7 @@ class PageConnection:
         heard = self.gate.take(frame, self._last_frame)
         if heard is not None:
             self.on_command(heard)
-        elif self.gate.floods and not self._closed:
+        elif self.gate.floods and not self._sent_away:
+            self._sent_away = True
             log.warning("page_floods peer=%s counts=%s", self.peer, dict(self.gate.counts))
             self.on_end("flooded")

@@ -1,0 +1,158 @@
+"""Two pages that flood their robot, a driver's and an observer's: how late the control loop ticks, and when somebody else's stop is obeyed.
+
+A real control loop and media side, and two pages in Chromium that send frames of every kind as fast as `FLOOD` says, each on a new
+connection as soon as it has lost one. Pages and robot share one computer, whose browser takes most of it. The same figures without a flood
+stand beside them.
+"""
+
+import asyncio
+import itertools
+import resource
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from playwright.async_api import Browser
+
+from benchmarks.table import Figure, keep, quantiles
+from robots.agent.media import MediaSide
+from robots.api import messages as m
+from robots.api.codec import encode_frame
+from tests.support.browser_page import BrowserPage, chromium
+from tests.support.control_rig import ThreadedControlRig, stamped
+from tests.support.loopback_peer import Exchange
+from tests.support.synthetic_camera import SyntheticCamera, SyntheticMicrophone
+
+SECONDS = 20.0
+FLOOD = 10_000  # frames a second and page
+STOP_EVERY = 0.25  # s
+FRAMES = [
+    encode_frame("command/velocity", m.VelocityCommand(session="s1", epoch=1, seq=1, stamp=1.0, linear=0.3, angular=0.0, method="keyboard")).replace(
+        "{", '{"note":"stop",', 1
+    ),
+    encode_frame("command/action", m.Stop(action_id="s1", stamp=1.0)),
+    encode_frame("command/action", m.EStop(action_id="e1", stamp=1.0)),
+    encode_frame("command/action", m.Photo(action_id="p1", stamp=1.0)),
+    encode_frame("command/heartbeat", m.CommandHeartbeat(n=1, stamp=1.0, peer="p1")),
+    encode_frame("command/point", m.PointCommand(peer="p1", stamp=1.0, at=(0.1, 0.1))),
+    "nonsense",
+]
+SEND = """([frames, rate]) => {
+  window.sent = 0;
+  const began = performance.now();
+  window.flood = setInterval(() => {
+    while (window.channel && sent < ((performance.now() - began) * rate) / 1000 && channel.readyState === 'open' && channel.bufferedAmount < 1e6) {
+      channel.send(frames[sent % frames.length]);
+      sent += 1;
+    }
+  }, 2);
+}"""
+
+
+class Watch:
+    """When the control loop ticked, and when it heard of a stop."""
+
+    def __init__(self, rig: ThreadedControlRig) -> None:
+        self.ticks: list[float] = []
+        self.obeyed: dict[str, float] = {}
+        pilot = rig.control._pilot
+        pilot.tick = self._noting(pilot.tick, self.ticks.append)
+        stop = rig.kernel.stop
+
+        def obey(action: m.Stop, *arguments: Any, **options: Any) -> bool:
+            self.obeyed.setdefault(action.action_id, time.monotonic())
+            return bool(stop(action, *arguments, **options))
+
+        rig.kernel.stop = obey
+
+    @staticmethod
+    def _noting(call: Callable[[], None], note: Callable[[float], None]) -> Callable[[], None]:
+        def noted() -> None:
+            note(time.monotonic())
+            call()
+
+        return noted
+
+
+async def flooding(browser: Browser, address: str, media: MediaSide, exchange: Exchange, peer: str, role: m.Role, ends: float) -> tuple[int, int]:
+    """Flood on one connection after the other; return how many frames were sent, and how many connections lost."""
+    sent = ended = 0
+    while time.monotonic() < ends:
+        exchange.replies[:] = [reply for reply in exchange.replies if reply[0] != peer]
+        page = await BrowserPage.open(browser, address, media, exchange, peer, role=role)
+        await page.watch()
+        await page.page.evaluate(SEND, [FRAMES, FLOOD])
+        while time.monotonic() < ends and not exchange.byes(peer):
+            await asyncio.sleep(0.05)
+        sent += await page.page.evaluate("window.sent")
+        ended += exchange.byes(peer) == ["flooded"]
+        await page.page.context.close()
+    return sent, ended
+
+
+async def observed(rig: ThreadedControlRig, watch: Watch, beside: list[Any]) -> list[Figure]:
+    """Return the figures of `SECONDS` beside that."""
+    first, states = len(watch.ticks), len(rig.link.all("state"))
+    said: dict[str, float] = {}
+    work = asyncio.gather(*beside)
+    ends = time.monotonic() + SECONDS
+    for number in itertools.count():
+        if time.monotonic() >= ends:
+            break
+        name = f"stop-{first}-{number}"
+        said[name] = time.monotonic()
+        rig.act(stamped(m.Stop, name, role="staff"))
+        await asyncio.sleep(STOP_EVERY)
+    sent, ended = map(sum, zip(*await work, strict=True)) if beside else (0, 0)
+    late = [1000 * max(0.0, after - before - 0.02) for before, after in itertools.pairwise(watch.ticks[first:])]
+    stops = [1000 * (watch.obeyed[name] - at) for name, at in said.items()]
+    numbers = [state.seq for state in rig.link.all("state")[states:]]
+    lost = len(range(numbers[0], numbers[-1] + 1)) - len(set(numbers))
+    title = "under a flood" if beside else "quiet"
+    bound = {"p50": None, "p99": 60.0 if beside else None}
+    return [
+        *quantiles(f"{title}: tick late", late, "ms", {"p50": None, "p99": None}),
+        *quantiles(f"{title}: stop obeyed after", stops, "ms", bound),
+        Figure(f"{title}: states lost", lost, "", 0),
+        Figure(f"{title}: frames sent", sent, ""),
+        Figure(f"{title}: connections ended", ended, ""),
+    ]
+
+
+async def measure(directory: Path) -> int:
+    """Print the figures and return how many missed their bound."""
+    exchange = Exchange(asyncio.get_running_loop())
+    media = MediaSide(
+        video=SyntheticCamera(), audio=SyntheticMicrophone(), viewers=4, reply=exchange.reply,
+        on_command=lambda peer, role, heard: rig.control.receive(peer, role, heard),
+    )  # fmt: skip
+    rig = ThreadedControlRig(directory, media=media)
+    media.start()
+    await asyncio.to_thread(rig.__enter__)
+    await asyncio.to_thread(rig.lease, ttl=60.0)
+    watch = Watch(rig)
+    async with chromium() as (browser, address):
+        quiet = await observed(rig, watch, [])
+        memory = _megabytes()
+        ends = time.monotonic() + SECONDS
+        pages = [("p1", "driver"), ("p2", "observer")]
+        flooded = await observed(
+            rig, watch, [flooding(browser, address, media, exchange, peer, role, ends) for peer, role in pages]
+        )  # fmt: skip
+        grown = _megabytes() - memory
+    await asyncio.to_thread(rig.__exit__)
+    await asyncio.to_thread(media.close)
+    more = Figure("ticks late by more than quiet, p99", flooded[1].value - quiet[1].value, "ms", 10.0)
+    return keep("page_floods", [*quiet, *flooded, more, Figure("memory grown", grown, "MB")])
+
+
+def _megabytes() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        sys.exit(asyncio.run(measure(Path(folder))))
