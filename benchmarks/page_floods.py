@@ -6,16 +6,15 @@ stand beside them.
 """
 
 import asyncio
+import functools
 import itertools
 import resource
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
-
-from playwright.async_api import Browser
 
 from benchmarks.table import Figure, keep, quantiles
 from robots.agent.media import MediaSide
@@ -23,7 +22,7 @@ from robots.api import messages as m
 from robots.api.codec import encode_frame
 from tests.support.browser_page import BrowserPage, chromium
 from tests.support.control_rig import ThreadedControlRig, stamped
-from tests.support.loopback_peer import Exchange
+from tests.support.loopback_peer import Exchange, until
 from tests.support.synthetic_camera import SyntheticCamera, SyntheticMicrophone
 
 SECONDS = 20.0
@@ -77,16 +76,15 @@ class Watch:
         return noted
 
 
-async def flooding(browser: Browser, address: str, media: MediaSide, exchange: Exchange, peer: str, role: m.Role, ends: float) -> tuple[int, int]:
+async def flooding(opened: Callable[..., Awaitable[BrowserPage]], exchange: Exchange, peer: str, role: m.Role, ends: float) -> tuple[int, int]:
     """Flood on one connection after the other; return how many frames were sent, and how many connections lost."""
     sent = ended = 0
     while time.monotonic() < ends:
         exchange.replies[:] = [reply for reply in exchange.replies if reply[0] != peer]
-        page = await BrowserPage.open(browser, address, media, exchange, peer, role=role)
+        page = await opened(exchange, peer, role=role)
         await page.watch()
         await page.page.evaluate(SEND, [FRAMES, FLOOD])
-        while time.monotonic() < ends and not exchange.byes(peer):
-            await asyncio.sleep(0.05)
+        await until(lambda: time.monotonic() >= ends or exchange.byes(peer), 2 * SECONDS)
         sent += await page.page.evaluate("window.sent")
         ended += exchange.byes(peer) == ["flooded"]
         await page.page.context.close()
@@ -127,7 +125,7 @@ async def measure(directory: Path) -> int:
     exchange = Exchange(asyncio.get_running_loop())
     media = MediaSide(
         video=SyntheticCamera(), audio=SyntheticMicrophone(), viewers=4, reply=exchange.reply,
-        on_command=lambda peer, role, heard: rig.control.receive(peer, role, heard),
+        on_command=lambda peer, role, heard: rig.control.receive(peer, role, heard),  # noqa: PLW0108 -- the rig comes later
     )  # fmt: skip
     rig = ThreadedControlRig(directory, media=media)
     media.start()
@@ -139,9 +137,8 @@ async def measure(directory: Path) -> int:
         memory = _megabytes()
         ends = time.monotonic() + SECONDS
         pages = [("p1", "driver"), ("p2", "observer")]
-        flooded = await observed(
-            rig, watch, [flooding(browser, address, media, exchange, peer, role, ends) for peer, role in pages]
-        )  # fmt: skip
+        opened = functools.partial(BrowserPage.open, browser, address, media)
+        flooded = await observed(rig, watch, [flooding(opened, exchange, peer, role, ends) for peer, role in pages])
         grown = _megabytes() - memory
     await asyncio.to_thread(rig.__exit__)
     await asyncio.to_thread(media.close)
