@@ -10,6 +10,7 @@ BENCHMARKS = (
     "states",
     "load",
     "crashes",
+    "floods",
     "page",
     "narrow",
     "networks",

@@ -87,7 +87,9 @@ class Connection(asyncio.BufferedProtocol):
             self._task = asyncio.get_running_loop().create_task(self._secure(self._tls))
 
     def connection_lost(self, error: Exception | None) -> None:  # noqa: ARG002 -- asyncio's signature
-        """Tell the hub, and free the place."""
+        """Tell the hub, and free the place. One that ends in the handshake of TLS is told so by asyncio sometimes, and by `_secure`."""
+        if self not in self._desk.connections:
+            return
         self.closing_since = self.closing_since or time.monotonic()
         self._desk.connections.discard(self)
         self._desk.admission.leave(self)
@@ -96,6 +98,8 @@ class Connection(asyncio.BufferedProtocol):
                 waiting.cancel()
         if self.session is not None:
             self._desk.hub.leave(self.session, self, graceful=False, now=time.monotonic())
+        # asyncio's TLS keeps our methods, and 256 KiB beside them: in a circle with us those would wait for the collector, in a flood by the hundred.
+        del self.transport
 
     def pause_writing(self) -> None:
         """Be too slow for more."""
@@ -124,6 +128,8 @@ class Connection(asyncio.BufferedProtocol):
 
     def write(self, data: bytes) -> None:
         """Send bytes; a client that asks and asks and never takes its answers is sent away."""
+        if self.transport.is_closing():  # asyncio would write a line into the log for each
+            return
         self.transport.write(data)
         if self.transport.get_write_buffer_size() > MAX_UNSENT:
             self._note(logging.WARNING, "broker_answers_not_taken address=%s user=%s", self.address, self.user)
@@ -137,16 +143,16 @@ class Connection(asyncio.BufferedProtocol):
     # --- strangers ----------------------------------------------------------------------------------------------------
 
     async def _secure(self, tls: ssl.SSLContext) -> None:
-        secured, lost = None, None
+        secured = None
         try:
             secured = await asyncio.get_running_loop().start_tls(
                 self.transport, self, tls, server_side=True, ssl_handshake_timeout=CONNECT_SECONDS, ssl_shutdown_timeout=FLUSH_SECONDS
             )
         except OSError as error:
-            lost = error
+            error.with_traceback(None)  # a circle of asyncio's: the future in its frame has the exception, whose traceback has the frame
         self._task = None
         if secured is None:  # asyncio tells nobody else of a connection that ends in its handshake
-            self.connection_lost(lost)
+            self.connection_lost(None)
             return
         self.transport = secured
         secured.set_write_buffer_limits(high=SEND_BUFFER)

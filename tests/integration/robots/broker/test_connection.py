@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import gc
 import itertools
 import socket
 import ssl
@@ -284,6 +285,27 @@ async def test_a_stranger_who_talks_no_tls_is_hung_up_on_and_forgotten(door):
     gone = await door.silent()
     gone.abort()
     await door.until(lambda: not door.broker.connections and not door.broker.admission.strangers)
+
+
+async def test_connections_that_ended_hold_no_memory_until_the_collector_comes(door):
+    async def come(number):
+        known, stranger, silent = await door.enter(), await door.enter(), await door.silent()
+        assert await known.connect("web", "token", client_id=f"c{number}") == packets.ACCEPTED
+        assert await stranger.connect("web", "wrong") == packets.BAD_PASSWORD
+        for client in (known, stranger, silent):
+            client.abort()
+
+    await come(0)
+    await door.until(lambda: not door.broker.connections)
+    gc.collect()
+    gc.disable()
+    try:
+        for number in range(1, 4):
+            await come(number)
+        await door.until(lambda: not door.broker.connections)
+        await door.until(lambda: not [c for c in gc.get_objects() if isinstance(c, Connection) and c._desk is door.broker])
+    finally:
+        gc.enable()
 
 
 async def test_whoever_guesses_beside_a_robot_keeps_it_from_nothing_and_asks_the_database_no_more(door, caplog):
