@@ -46,7 +46,7 @@ STRANGERS = 20  # connections of a stranger, or 70 that say nothing
 SILENT = 70
 KEY_BOUND_MS, STRANGER_BOUND_MS = 20.0, 5.0  # more than in peace, 99 of 100 messages
 NEWCOMER_BOUND_MS = 1000.0
-MEMORY_BOUND_MB = 32.0
+MEMORY_BOUND_MB = 64.0  # 200 strangers in the handshake of TLS have 50 MB of buffers
 LOG_BOUND_KB = 64.0
 LATEST_SECONDS = 10.0  # a message that takes longer is lost
 

@@ -99,6 +99,7 @@ class PacketReader:
     def __init__(self, limit: int) -> None:
         self.limit = limit
         self._buffer = bytearray()
+        self._head: tuple[int, int] | None = None  # of the first packet, once its length has come
 
     def feed(self, data: bytes) -> Iterator[Packet]:
         """Take bytes and yield every packet that is whole now.
@@ -121,8 +122,10 @@ class PacketReader:
         Raises:
             ProtocolError: it is oversized, or its length is none.
         """
-        header = self._header()
-        return header[1] if header is not None and len(self._buffer) >= header[1] else 0
+        if len(self._buffer) < 2:  # noqa: PLR2004 -- the shortest packet
+            return 0
+        self._head = self._head or self._header()
+        return self._head[1] if self._head is not None and len(self._buffer) >= self._head[1] else 0
 
     @property
     def missing(self) -> int:
@@ -135,14 +138,13 @@ class PacketReader:
         return (header[1] if header is not None else _SHORTEST_CONNECT) - len(self._buffer)
 
     def take(self) -> Packet:
-        """Return the first packet, which must be whole.
+        """Return the first packet, whose size is known.
 
         Raises:
             ProtocolError: it is malformed.
         """
-        header = self._header()
-        assert header is not None, "it must be whole"
-        start, end = header
+        assert self._head is not None, "its size was asked for"
+        (start, end), self._head = self._head, None
         first, body = self._buffer[0], bytes(self._buffer[start:end])
         del self._buffer[:end]
         return _packet(first >> 4, first & 0x0F, body)
