@@ -11,6 +11,7 @@ BENCHMARKS = (
     "states",
     "load",
     "crashes",
+    "floods",
     "page",
     "narrow",
     "networks",

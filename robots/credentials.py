@@ -164,23 +164,23 @@ def server_client_id(part: ServerPart) -> str:
 
 
 class Verifier:
-    """Remembers recent successes, so that reconnecting is cheap, and slows down whoever keeps being wrong.
+    """Remembers recent successes, so that reconnecting is cheap, and which addresses keep being wrong.
 
-    Failures are counted for a pair of address and user: somebody who guesses cannot lock out a robot that knows its token.
+    An address that does causes no work beyond looking at its tokens; who has a right one is let in all the same, whoever guesses beside it.
     """
 
     def __init__(self, *, remember_seconds: float = 3600.0, attempts: int = 10, window_seconds: float = 60.0, size: int = 4096) -> None:
         self._remember, self._attempts, self._window, self._size = remember_seconds, attempts, window_seconds, size
         self._known: dict[tuple[str, str], float] = {}
-        self._failures: dict[tuple[str, str], list[float]] = {}
+        self._failures: dict[str, list[float]] = {}
 
     def knows(self, token: str, credential_hash: str, now: float) -> bool:
         """Tell whether exactly this token was right for exactly this hash a short while ago (`now`: monotonic seconds)."""
         return self._known.get((credential_hash, _digest(token)), -1e18) > now - self._remember
 
-    def is_blocked(self, address: str, user: str, now: float) -> bool:
-        """Tell whether this address has been wrong about this user too often."""
-        return len(self._recent(address, user, now)) >= self._attempts
+    def is_blocked(self, address: str, now: float) -> bool:
+        """Tell whether this address has been wrong too often."""
+        return len(self._recent(address, now)) >= self._attempts
 
     def note(self, token: str, credential_hash: str, now: float) -> None:
         """Remember a success."""
@@ -188,15 +188,14 @@ class Verifier:
             self._known.clear()
         self._known[credential_hash, _digest(token)] = now
 
-    def note_failure(self, address: str, user: str, now: float) -> None:
+    def note_failure(self, address: str, now: float) -> None:
         """Count a wrong token."""
-        recent = self._recent(address, user, now)
         if len(self._failures) >= self._size:
             self._failures.clear()
-        self._failures[address, user] = [*recent, now]
+        self._failures[address] = [*self._recent(address, now), now][-self._attempts :]
 
-    def _recent(self, address: str, user: str, now: float) -> list[float]:
-        return [moment for moment in self._failures.get((address, user), ()) if moment > now - self._window]
+    def _recent(self, address: str, now: float) -> list[float]:
+        return [moment for moment in self._failures.get(address, ()) if moment > now - self._window]
 
 
 def _digest(token: str) -> str:

@@ -5,26 +5,29 @@ A connection hands over what it read (connect, publish, subscribe, …) and is t
 messages; wills; persistent sessions, which live as long as this process; a second connection of the same client takes over.
 Beyond the standard: a session belongs to its user as well as to its client id, so that nobody can take another one's over; nobody
 publishes or subscribes, nor leaves a will, past their permissions; retained is what the topic table says is; everything that could grow has a
-bound.
+bound. What waits for a client and what it has not acknowledged count together, in messages and in the bytes of memory that they take.
 """
 
 import logging
 from collections import deque
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 from msgspec.structs import replace
+from paho.mqtt.matcher import MQTTMatcher
 
 from robots.api.topics import is_kept
 from robots.broker import packets
+from robots.broker.bounded_log import BoundedLog
 from robots.broker.filters import is_filter, matches
-from robots.broker.packets import Connect, Publish, Subscribe
+from robots.broker.packets import Connect, ProtocolError, Publish, Subscribe
 from robots.broker.permissions import BrokerUser
 
 logger = logging.getLogger(__name__)
 
 WINDOW = 200  # QoS 1 messages sent and not yet acknowledged
-QUEUE_BYTES = 64 * 1024 * 1024  # of one session
+MAX_UNRELEASED = 1_000  # QoS 2 messages that a client has not released
+MESSAGE_BYTES = 300  # of memory that a waiting message takes besides its topic and payload
 MAX_RETAINED = 10_000
 MAX_FILTERS = 1_000  # of one session
 MAX_LEFT_SESSIONS = 4  # persistent sessions of one user that nobody is connected to
@@ -57,7 +60,7 @@ class Session:
     filters: dict[str, int] = field(default_factory=dict)
     inflight: dict[int, Publish] = field(default_factory=dict)
     queue: deque[Publish] = field(default_factory=deque)
-    queued_bytes: int = 0
+    held_bytes: int = 0  # of queue and inflight
     dropped: int = 0
     received: set[int] = field(default_factory=set)  # QoS 2 messages between PUBLISH and PUBREL
     last_id: int = 0
@@ -74,6 +77,11 @@ class Session:
         self.permitted.add(topic)
         return True
 
+    def can_hold(self, message: Publish) -> bool:
+        """Tell whether one more message may wait."""
+        allowance = self.user.permissions.allowance
+        return len(self.queue) + len(self.inflight) < allowance.queue_messages and self.held_bytes + _bytes(message) <= allowance.queue_bytes
+
     def free_id(self) -> int:
         """Return a packet id that is not in flight."""
         while True:
@@ -82,13 +90,19 @@ class Session:
                 return self.last_id
 
 
+def _bytes(message: Publish) -> int:
+    return MESSAGE_BYTES + len(message.topic) + len(message.payload)
+
+
 class Hub:
     """Routes messages between sessions. `now` is monotonic seconds."""
 
-    def __init__(self) -> None:
+    def __init__(self, log: BoundedLog | None = None) -> None:
+        self.log = log or BoundedLog(logger)
         self.sessions: dict[tuple[str, str], Session] = {}
         self.retained: dict[str, Publish] = {}
         self._subscribers: dict[str, dict[Session, int]] = {}
+        self._filters: Any = MQTTMatcher()  # the same, by level
         self._routes: dict[str, tuple[tuple[Session, int], ...]] = {}
 
     # --- coming and going ---------------------------------------------------------------------------------------------
@@ -98,12 +112,12 @@ class Hub:
         if not connect.client_id and not connect.clean:
             return None, packets.BAD_CLIENT_ID, False
         if connect.will is not None and not user.permissions.may_publish(connect.will.topic):
-            logger.warning("broker_will_refused user=%s topic=%.200r", user.name, connect.will.topic)
+            self._warn(user.name, "broker_will_refused user=%s topic=%.200r", user.name, connect.will.topic)
             return None, packets.NOT_AUTHORIZED, False
         key = (user.name, connect.client_id or f"anonymous-{id(link)}")
         old = self.sessions.get(key)
         if old is not None and old.link is not None:
-            logger.info("broker_take_over user=%s client=%.80r", *key)
+            self.log.write(logging.INFO, user.name, "broker_take_over user=%s client=%.80r", *key)
             old.link.kick()
             self.leave(old, old.link, graceful=False, now=now)
             old = self.sessions.get(key)
@@ -117,10 +131,9 @@ class Hub:
         return session, packets.ACCEPTED, present
 
     def resume(self, session: Session) -> None:
-        """Send again what a returning session did not acknowledge, and then what waited for it."""
-        if session.link is not None:
-            for message in session.inflight.values():
-                session.link.write(packets.publish(replace(message, dup=True)))
+        """Send again what a returning session did not acknowledge, and then what waited for it, as far as it keeps up."""
+        session.queue.extendleft(replace(message, dup=True) for message in reversed(session.inflight.values()))
+        session.inflight.clear()
         self.push(session)
 
     def leave(self, session: Session, link: Link, *, graceful: bool, now: float) -> None:
@@ -139,7 +152,7 @@ class Hub:
     def set_users(self, users: dict[str, BrokerUser], now: float) -> None:
         """Part with every session whose user is gone, has another key, or may do other things than before."""
         for session in [s for s in self.sessions.values() if users.get(s.user.name) != s.user]:
-            logger.info("broker_revoked user=%s client=%.80r", session.user.name, session.client_id)
+            self.log.write(logging.INFO, session.user.name, "broker_revoked user=%s client=%.80r", session.user.name, session.client_id)
             if session.link is not None:
                 session.link.kick()
                 self.leave(session, session.link, graceful=False, now=now)
@@ -169,20 +182,30 @@ class Hub:
     def _subscribe_one(self, session: Session, filter_: str, qos: int) -> int:
         permitted = is_filter(filter_) and session.user.permissions.may_subscribe(filter_)
         if not permitted or (len(session.filters) >= MAX_FILTERS and filter_ not in session.filters):
-            logger.warning("broker_subscribe_refused user=%s filter=%.200r", session.user.name, filter_)
+            self._warn(session.user.name, "broker_subscribe_refused user=%s filter=%.200r", session.user.name, filter_)
             return packets.SUBSCRIPTION_REFUSED
-        session.filters[filter_] = qos
-        self._subscribers.setdefault(filter_, {})[session] = qos
-        self._routes.clear()
+        if session.filters.get(filter_) != qos:
+            session.filters[filter_] = qos
+            if filter_ not in self._subscribers:
+                self._filters[filter_] = self._subscribers[filter_] = {}
+            self._subscribers[filter_][session] = qos
+            self._routes.clear()
         return qos
 
     def send_retained(self, session: Session, subscribe: Subscribe, codes: list[int]) -> None:
         """Send the retained messages under the filters that were granted."""
         for (filter_, _), qos in zip(subscribe.filters, codes, strict=True):
             if qos != packets.SUBSCRIPTION_REFUSED:
-                for message in [m for topic, m in self.retained.items() if matches(filter_, topic)]:
+                for message in self._retained_under(filter_):
                     self._enqueue(session, replace(message, qos=min(qos, message.qos)))
         self.push(session)
+
+    def _retained_under(self, filter_: str) -> list[Publish]:
+        literal = filter_.partition("+")[0].partition("#")[0]
+        if literal == filter_:
+            return [self.retained[filter_]] if filter_ in self.retained else []
+        start = literal.removesuffix("/")  # `a/#` is `a` as well
+        return [m for topic, m in self.retained.items() if topic.startswith(start) and matches(filter_, topic)]
 
     def unsubscribe(self, session: Session, filters: tuple[str, ...]) -> None:
         """Forget subscriptions; unknown ones are no error."""
@@ -191,7 +214,7 @@ class Hub:
                 subscribers = self._subscribers[filter_]
                 del subscribers[session]
                 if not subscribers:
-                    del self._subscribers[filter_]
+                    del self._subscribers[filter_], self._filters[filter_]
                 self._routes.clear()
 
     # --- messages -----------------------------------------------------------------------------------------------------
@@ -199,7 +222,7 @@ class Hub:
     def publish(self, session: Session, message: Publish) -> None:
         """Deliver a client's message, unless it may not publish there: then it is dropped and logged, as Mosquitto does."""
         if not session.may_publish(message.topic):
-            logger.warning("broker_publish_refused user=%s topic=%.200r", session.user.name, message.topic)
+            self._warn(session.user.name, "broker_publish_refused user=%s topic=%.200r", session.user.name, message.topic)
             return
         if message.retain and is_kept(message.topic):  # else one robot, which may write to as many topics as it likes, fills the store
             self._retain(message)
@@ -214,28 +237,43 @@ class Hub:
 
     def acknowledge(self, session: Session, packet_id: int) -> None:
         """A client has a QoS 1 message; send the next ones."""
-        session.inflight.pop(packet_id, None)
-        self.push(session)
+        message = session.inflight.pop(packet_id, None)
+        if message is not None:
+            session.held_bytes -= _bytes(message)
+            self.push(session)
+
+    def receive_once(self, session: Session, message: Publish) -> None:
+        """Take a QoS 2 message: deliver it the first time, and remember its id until it is released.
+
+        Raises:
+            ProtocolError: too many were not released.
+        """
+        if message.packet_id in session.received:
+            return
+        if len(session.received) >= MAX_UNRELEASED:
+            raise ProtocolError(f"more than {MAX_UNRELEASED} messages not released")
+        session.received.add(message.packet_id)
+        self.publish(session, message)
 
     def push(self, session: Session) -> None:
         """Send what waits for a session, as far as it keeps up."""
         link = session.link
         while link is not None and link.is_ready and session.queue and len(session.inflight) < WINDOW:
             message = session.queue.popleft()
-            session.queued_bytes -= len(message.payload)
             if message.qos:
-                message = replace(message, packet_id=session.free_id())
+                message = message if message.packet_id else replace(message, packet_id=session.free_id())
                 session.inflight[message.packet_id] = message
+            else:
+                session.held_bytes -= _bytes(message)
             link.write(packets.publish(message))
 
     def _route(self, topic: str) -> tuple[tuple[Session, int], ...]:
         known = self._routes.get(topic)
         if known is None:
             best: dict[Session, int] = {}
-            for filter_, subscribers in self._subscribers.items():
-                if matches(filter_, topic):
-                    for session, qos in subscribers.items():
-                        best[session] = max(qos, best.get(session, 0))
+            for subscribers in self._filters.iter_match(topic):
+                for session, qos in subscribers.items():
+                    best[session] = max(qos, best.get(session, 0))
             if len(self._routes) >= KNOWN_ROUTES:
                 self._routes.clear()
             known = self._routes[topic] = tuple(best.items())
@@ -247,7 +285,7 @@ class Hub:
         elif message.topic in self.retained or len(self.retained) < MAX_RETAINED:
             self.retained[message.topic] = Publish(message.topic, message.payload, min(message.qos, 1), retain=True)
         else:
-            logger.error("broker_retained_full topic=%.200r", message.topic)
+            self.log.write(logging.ERROR, "", "broker_retained_full topic=%.200r", message.topic)
 
     @staticmethod
     def _send_at_most_once(session: Session, data: bytes) -> None:
@@ -256,12 +294,14 @@ class Hub:
         elif session.link is not None:
             session.dropped += 1
 
-    @staticmethod
-    def _enqueue(session: Session, message: Publish) -> None:
-        if session.queued_bytes + len(message.payload) > QUEUE_BYTES:
+    def _enqueue(self, session: Session, message: Publish) -> None:
+        if not session.can_hold(message):
             session.dropped += 1
-            if session.dropped % 1000 == 1:
-                logger.error("broker_queue_full user=%s client=%.80r dropped=%d", session.user.name, session.client_id, session.dropped)
+            user, client, dropped = session.user.name, session.client_id, session.dropped
+            self.log.write(logging.ERROR, user, "broker_queue_full user=%s client=%.80r dropped=%d", user, client, dropped)
             return
         session.queue.append(message)
-        session.queued_bytes += len(message.payload)
+        session.held_bytes += _bytes(message)
+
+    def _warn(self, subject: str, line: str, *arguments: object) -> None:
+        self.log.write(logging.WARNING, subject, line, *arguments)

@@ -19,8 +19,8 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from robots.broker.hub import QUEUE_BYTES, WINDOW
-from robots.broker.permissions import BrokerUser
+from robots.broker.hub import WINDOW
+from robots.broker.permissions import SERVER_ALLOWANCE, BrokerUser
 from robots.broker.users import MAX_PACKET, POLL_SECONDS, SESSION_SECONDS, ReadUsers, UsersUnavailableError
 from robots.processes import tied_to_parent
 
@@ -60,9 +60,9 @@ def configuration(host: str, port: int, directory: Path, tls: Tls | None = None,
         f"persistence_location {directory}/",
         "autosave_interval 60",
         f"persistent_client_expiration {int(SESSION_SECONDS // 3600)}h",
-        # The bound is in bytes: a count would drop a session's states after minutes without the session manager.
-        "max_queued_messages 0",
-        f"max_queued_bytes {QUEUE_BYTES}",
+        # For every user: Mosquitto has no bound for some. Its bytes are those of payloads, so that empty messages need the count.
+        f"max_queued_messages {SERVER_ALLOWANCE.queue_messages}",
+        f"max_queued_bytes {SERVER_ALLOWANCE.queue_bytes}",
         f"max_inflight_messages {WINDOW}",
         f"max_packet_size {MAX_PACKET}",
         "set_tcp_nodelay true",

@@ -18,6 +18,8 @@ ACCEPTED, BAD_VERSION, BAD_CLIENT_ID, UNAVAILABLE, BAD_PASSWORD, NOT_AUTHORIZED 
 SUBSCRIPTION_REFUSED = 0x80
 LEVEL = 4  # MQTT 3.1.1
 _LONGEST_LENGTH = 4  # bytes of the remaining length
+_SHORTEST_CONNECT = 14  # bytes: fixed header, "MQTT", level, flags, keep-alive, an empty client id
+MAX_FILTERS = 64  # of one SUBSCRIBE or UNSUBSCRIBE; a robot has fifteen
 _MORE, _DUP, _RETAIN = 0x80, 0x08, 0x01
 _USERNAME, _PASSWORD, _WILL_RETAIN, _WILL, _CLEAN, _RESERVED = 0x80, 0x40, 0x20, 0x04, 0x02, 0x01
 # The fixed flags that section 2.2.2 demands; PUBLISH has flags of its own.
@@ -97,6 +99,7 @@ class PacketReader:
     def __init__(self, limit: int) -> None:
         self.limit = limit
         self._buffer = bytearray()
+        self._head: tuple[int, int] | None = None  # of the first packet, once its length has come
 
     def feed(self, data: bytes) -> Iterator[Packet]:
         """Take bytes and yield every packet that is whole now.
@@ -104,14 +107,47 @@ class PacketReader:
         Raises:
             ProtocolError: malformed or oversized; whole packets in front of it have been yielded.
         """
+        self.add(data)
+        while self.size:
+            yield self.take()
+
+    def add(self, data: bytes | memoryview) -> None:
+        """Keep bytes, without looking at them."""
         self._buffer += data
-        while (header := self._header()) is not None:
-            start, end = header
-            if len(self._buffer) < end:
-                return
-            first, body = self._buffer[0], bytes(self._buffer[start:end])
-            del self._buffer[:end]
-            yield _packet(first >> 4, first & 0x0F, body)
+
+    @property
+    def size(self) -> int:
+        """How many bytes the first packet has, 0 while it is not whole.
+
+        Raises:
+            ProtocolError: it is oversized, or its length is none.
+        """
+        if len(self._buffer) < 2:  # noqa: PLR2004 -- the shortest packet
+            return 0
+        self._head = self._head or self._header()
+        return self._head[1] if self._head is not None and len(self._buffer) >= self._head[1] else 0
+
+    @property
+    def missing(self) -> int:
+        """How many bytes may be read at least without reading past a CONNECT that comes first.
+
+        Raises:
+            ProtocolError: as above.
+        """
+        header = self._header()
+        return (header[1] if header is not None else _SHORTEST_CONNECT) - len(self._buffer)
+
+    def take(self) -> Packet:
+        """Return the first packet, whose size is known.
+
+        Raises:
+            ProtocolError: it is malformed.
+        """
+        assert self._head is not None, "its size was asked for"
+        (start, end), self._head = self._head, None
+        first, body = self._buffer[0], bytes(self._buffer[start:end])
+        del self._buffer[:end]
+        return _packet(first >> 4, first & 0x0F, body)
 
     def _header(self) -> tuple[int, int] | None:
         """Return (start, end) of the first packet's body, or None while its length is not known."""
@@ -249,8 +285,11 @@ def _subscriptions(body: _Body) -> Iterator[tuple[str, int]]:
 def _texts(body: _Body) -> Iterator[str]:
     if body.is_empty:
         raise ProtocolError("no topic filter")
-    while not body.is_empty:
+    for _ in range(MAX_FILTERS):
         yield body.text()
+        if body.is_empty:
+            return
+    raise ProtocolError(f"more than {MAX_FILTERS} topic filters")
 
 
 def framed(first: int, body: bytes) -> bytes:

@@ -1,21 +1,19 @@
 """The embedded broker's bounds, which no client on a quiet loopback reaches."""
 
-import asyncio
-import ssl
+from dataclasses import replace
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from robots.api.topics import SERVER, of
 from robots.broker import hub as hub_module
 from robots.broker import packets
-from robots.broker.embedded import CONNECT_BYTES, MAX_STRANGERS, EmbeddedBroker
-from robots.broker.hub import WINDOW, Hub
+from robots.broker.bounded_log import LINES_OF_SUBJECT
+from robots.broker.filters import matches
+from robots.broker.hub import MAX_UNRELEASED, MESSAGE_BYTES, WINDOW, Hub
 from robots.broker.packets import Connect, PacketReader, Publish, Subscribe
-from robots.broker.permissions import BrokerUser, of_robot, of_server
-from robots.credentials import hash_token
-from tests.support.broker_rig import RawClient, connect_packet, framed
-from tests.support.patience import patient
-from tests.support.server import certificate
+from robots.broker.permissions import ROBOT_ALLOWANCE, SERVER_ALLOWANCE, BrokerUser, Permissions, of_robot, of_server
 
 WEB = BrokerUser("web", "hash", of_server())
 GIRAFF, RHODON = (BrokerUser(name, "hash", of_robot(name)) for name in ("giraff", "rhodon"))
@@ -76,18 +74,108 @@ def test_no_more_than_a_window_is_in_flight():
     assert [int(message.payload) for message in link.heard] == list(range(WINDOW + 1))
 
 
-def test_a_queue_that_is_full_refuses_the_newest(monkeypatch):
-    monkeypatch.setattr(hub_module, "QUEUE_BYTES", 10)
+def bounded(**bounds):
+    """A server whose sessions hold little."""
+    return BrokerUser("web", "hash", replace(of_server(), allowance=replace(SERVER_ALLOWANCE, **bounds)))
+
+
+@pytest.mark.parametrize("bounds", [{"queue_messages": 2}, {"queue_bytes": 3 * (MESSAGE_BYTES + len(LEASE)) + 10}])
+def test_a_queue_that_is_full_refuses_the_newest(bounds):
+    hub = Hub()
+    user = bounded(**bounds)
+    web, link = join(hub, user, clean=False)
+    subscribe(hub, web, LEASE)
+    hub.leave(web, link, graceful=True, now=0.0)
+    other, _ = join(hub, user, "other")
+    for payload in (b"12345", b"67890", b"abcde"):
+        hub.publish(other, Publish(LEASE, payload, qos=1, packet_id=1))
+    back, again = join(hub, user, clean=False)
+    hub.resume(back)
+    assert [message.payload for message in again.heard] == [b"12345", b"67890"]
+
+
+@pytest.mark.parametrize("payload", [b"", bytes(100_000)])
+def test_what_a_subscriber_never_acknowledges_is_bounded_in_count_and_bytes(payload):
+    hub = Hub()
+    giraff, _ = join(hub, GIRAFF)
+    subscribe(hub, giraff, of("giraff", "connection"))
+    for _ in range(3 * ROBOT_ALLOWANCE.queue_messages):
+        hub.publish(giraff, Publish(of("giraff", "connection"), payload, qos=1, packet_id=1))
+    held = [*giraff.queue, *giraff.inflight.values()]
+    assert len(held) <= ROBOT_ALLOWANCE.queue_messages
+    assert giraff.held_bytes == sum(MESSAGE_BYTES + len(m.topic) + len(m.payload) for m in held) <= ROBOT_ALLOWANCE.queue_bytes
+    assert giraff.dropped == 3 * ROBOT_ALLOWANCE.queue_messages - len(held)
+
+
+def test_who_acknowledges_is_sent_everything_and_nothing_is_held_any_more():
+    hub = Hub()
+    web, link = join(hub, WEB)
+    subscribe(hub, web, LEASE)
+    for number in range(2 * WINDOW):
+        hub.publish(web, Publish(LEASE, str(number).encode(), qos=1, packet_id=1))
+    for number in range(2 * WINDOW):
+        hub.acknowledge(web, link.heard[number].packet_id)
+        hub.acknowledge(web, link.heard[number].packet_id)  # again: it counts once
+    assert [int(message.payload) for message in link.heard] == list(range(2 * WINDOW))
+    assert (web.held_bytes, len(web.queue), len(web.inflight)) == (0, 0, 0)
+
+
+def test_a_client_that_comes_back_is_sent_again_what_it_owes_only_as_far_as_it_keeps_up():
     hub = Hub()
     web, link = join(hub, WEB, clean=False)
     subscribe(hub, web, LEASE)
-    hub.leave(web, link, graceful=True, now=0.0)
-    other, _ = join(hub, WEB, "other")
-    for payload in (b"12345", b"67890", b"abcde"):
-        hub.publish(other, Publish(LEASE, payload, qos=1, packet_id=1))
-    back, again = join(hub, WEB, clean=False)
-    hub.resume(back)
-    assert [message.payload for message in again.heard] == [b"12345", b"67890"]
+    for number in range(10):
+        hub.publish(web, Publish(LEASE, str(number).encode(), qos=1, packet_id=1))
+    hub.leave(web, link, graceful=False, now=0.0)
+    first_ids = [message.packet_id for message in link.heard]
+    for _ in range(2):
+        back, again = join(hub, WEB, clean=False)
+        again.is_ready = False
+        hub.resume(back)
+        assert again.heard == []
+        again.is_ready = True
+        hub.push(back)
+        assert [(message.packet_id, int(message.payload), message.dup) for message in again.heard] == [
+            (packet_id, number, True) for number, packet_id in enumerate(first_ids)
+        ]
+        hub.leave(back, again, graceful=False, now=0.0)
+
+
+def test_who_never_releases_what_was_received_once_is_hung_up_on():
+    hub = Hub()
+    giraff, _ = join(hub, GIRAFF)
+    for packet_id in range(1, MAX_UNRELEASED + 1):
+        hub.receive_once(giraff, Publish(of("giraff", "state"), b"", qos=2, packet_id=packet_id))
+    hub.receive_once(giraff, Publish(of("giraff", "state"), b"", qos=2, packet_id=1))  # sent again: nothing new
+    with pytest.raises(packets.ProtocolError):
+        hub.receive_once(giraff, Publish(of("giraff", "state"), b"", qos=2, packet_id=MAX_UNRELEASED + 1))
+
+
+@settings(max_examples=300)
+@given(
+    st.lists(st.sampled_from(["a", "b", "+", "#", "a/b", "a/+", "a/#", "+/b", "+/+", "+/#", "a/b/c", "a/+/c", "$x/#", "$x/+"]), max_size=8),
+    st.lists(st.sampled_from(["a", "b", "a/b", "b/a", "a/b/c", "a/", "$x/a", "$x"]), min_size=1, max_size=4),
+)
+def test_subscriptions_and_retained_messages_are_found_as_the_filters_match(filters, topics):
+    everything = BrokerUser("web", "hash", Permissions(("#",), ("#", "$x/#"), SERVER_ALLOWANCE))
+    hub = Hub()
+    sessions = {filter_: join(hub, everything, filter_)[0] for filter_ in filters}
+    granted = {filter_ for filter_, session in sessions.items() if subscribe(hub, session, filter_) == 1}
+    for topic in topics:
+        hub.retained[topic] = Publish(topic, b"x", retain=True)
+        assert {session.client_id for session, _ in hub._route(topic)} == {filter_ for filter_ in granted if matches(filter_, topic)}
+    for filter_ in granted:
+        assert {m.topic for m in hub._retained_under(filter_)} == {topic for topic in topics if matches(filter_, topic)}
+        hub.unsubscribe(sessions[filter_], (filter_,))
+    assert not any(hub._route(topic) for topic in topics)
+
+
+def test_refused_messages_leave_a_few_lines(caplog):
+    hub = Hub()
+    giraff, _ = join(hub, GIRAFF)
+    for _ in range(1000):
+        hub.publish(giraff, Publish(of("rhodon", "state"), b""))
+    assert len(caplog.records) == LINES_OF_SUBJECT
 
 
 def test_retained_messages_are_bounded(monkeypatch):
@@ -174,59 +262,3 @@ def test_subscriptions_of_one_session_are_bounded(monkeypatch):
     hub = Hub()
     web, _ = join(hub, WEB)
     assert [subscribe(hub, web, of(name, "state")) for name in ("a", "b", "c", "a")] == [1, 1, packets.SUBSCRIPTION_REFUSED, 1]
-
-
-# --- sockets ----------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(params=["plain", "tls"])
-async def door(request, tmp_path, monkeypatch):
-    """Yield (what opens a connection to a running broker, the addresses of strangers as it counts them); `web` has the token `token`."""
-    monkeypatch.setattr("robots.broker.embedded.CONNECT_SECONDS", 600.0)  # on a busy computer nobody goes by themselves meanwhile
-    users = {"web": BrokerUser("web", hash_token("token"), of_server())}
-
-    async def read():
-        return users
-
-    serving = asking = None
-    if request.param == "tls":
-        key, chain = certificate(tmp_path)
-        serving, asking = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH), ssl.create_default_context(cafile=str(chain))
-        serving.load_cert_chain(chain, key)
-    broker = EmbeddedBroker(read)
-    port = await broker.start("127.0.0.1", 0, serving)
-
-    async def enter():
-        return RawClient(*await asyncio.open_connection("127.0.0.1", port, ssl=asking))
-
-    yield enter, broker._strangers
-    await broker.stop()
-
-
-async def test_an_address_holds_so_many_places_before_it_says_who_it_is_and_whoever_was_let_in_counts_no_more(door):
-    enter, strangers = door
-    known = [await enter() for _ in range(3)]
-    assert [await client.connect("web", "token", client_id=f"c{n}") for n, client in enumerate(known)] == [packets.ACCEPTED] * 3
-    assert not strangers
-    silent = [await enter() for _ in range(MAX_STRANGERS)]
-    assert await (await enter()).is_hung_up()
-    assert strangers == {"127.0.0.1": MAX_STRANGERS}
-    known[0].send(b"\xc0\x00")
-    assert await known[0].packet() == (0xD0, b""), "it is still served"
-    for client in silent:
-        client.abort()
-    async with asyncio.timeout(patient(10)):
-        while strangers:
-            await asyncio.sleep(0.01)
-    again = await enter()
-    assert await again.connect("web", "token") == packets.ACCEPTED
-
-
-async def test_nothing_long_is_kept_of_a_packet_before_its_sender_is_let_in(door):
-    enter, _ = door
-    stranger, friend = await enter(), await enter()
-    stranger.send(connect_packet("long", "web", b"x" * 0xFFFF)[: CONNECT_BYTES // 2])
-    assert await stranger.is_hung_up()
-    assert await friend.connect("web", "token") == packets.ACCEPTED
-    friend.send(framed(0x32, len(LEASE).to_bytes(2, "big") + LEASE.encode() + b"\x00\x07" + bytes(2 * CONNECT_BYTES)))
-    assert await friend.packet() == (0x40, b"\x00\x07")

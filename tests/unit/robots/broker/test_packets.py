@@ -89,3 +89,27 @@ def test_what_came_whole_before_an_error_is_still_read():
 def test_a_will_without_its_flag_is_refused():
     with pytest.raises(ProtocolError):
         read(framed(0x10, text("MQTT") + b"\x04\x2a\x00\x3c" + text("c1")))
+
+
+@given(st.data())
+def test_who_reads_what_is_missing_reads_a_connect_and_nothing_behind_it(data):
+    connect = connect_packet(data.draw(st.text("ab", max_size=40)), data.draw(st.sampled_from([None, "giraff"])), will=("a/b", "x" * 200, 1, True))
+    stream, reader, read_bytes = connect + b"\xc0\x00" * 50, PacketReader(LIMIT), 0
+    while not reader.size:
+        count = data.draw(st.integers(1, reader.missing))
+        reader.add(stream[read_bytes : read_bytes + count])
+        read_bytes += count
+    assert read_bytes == len(connect)
+    assert isinstance(reader.take(), Connect)
+
+
+def test_the_shortest_connect_is_read_at_once():
+    assert PacketReader(LIMIT).missing == len(connect_packet(""))
+
+
+@pytest.mark.parametrize(("first", "tail"), [(0x82, b"\x01"), (0xA2, b"")])
+def test_a_packet_of_endless_filters_is_refused(first, tail):
+    fits = framed(first, b"\x00\x01" + (text("a") + tail) * packets.MAX_FILTERS)
+    assert len(read(fits)[0].filters) == packets.MAX_FILTERS
+    with pytest.raises(ProtocolError, match="filters"):
+        read(framed(first, b"\x00\x01" + (text("a") + tail) * (packets.MAX_FILTERS + 1)))
