@@ -5,6 +5,7 @@ Errors (E) make the site unusable. Warnings (W) are risks; those that only matte
 
 import ipaddress
 import os
+import stat
 from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlsplit
@@ -124,6 +125,14 @@ def check_visitors_addresses(**_: Any) -> list[CheckMessage]:
     return [Warning("BEHIND_TLS_PROXY is set and TRUSTED_PROXIES is not.", hint=hint, id="telepresence.W008")]
 
 
+def check_private_folder(**_: Any) -> list[CheckMessage]:
+    """On a server nobody else reads what was made at run time (W009)."""
+    if os.name != "posix" or not settings.VAR_DIR.stat().st_mode & stat.S_IRWXO:
+        return []
+    hint = f"chmod o-rwx {settings.VAR_DIR}; what a proxy serves belongs into STATIC_ROOT, elsewhere."
+    return [Warning("Every user of this machine can look into VAR_DIR.", hint=hint, id="telepresence.W009")]
+
+
 def check_demo(**_: Any) -> list[CheckMessage]:
     """On a server nobody signs in by the demo's link (W006)."""
     if not getattr(settings, "DEMO_TOKEN", ""):
@@ -135,7 +144,7 @@ ALWAYS: dict[str, tuple[Callable[..., list[CheckMessage]], ...]] = {
     "telepresence": (check_ice, check_mail, check_metrics, check_numbers, check_proxies),
     Tags.security: (check_mqtt, check_plain_http),
 }
-ON_A_SERVER = (check_secret_key, check_cache, check_visitors_addresses, check_demo)
+ON_A_SERVER = (check_secret_key, check_cache, check_visitors_addresses, check_private_folder, check_demo)
 
 
 def register_all() -> None:

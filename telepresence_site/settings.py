@@ -13,8 +13,7 @@ from telepresence_site import environment as env
 from telepresence_site import mongodb
 
 BASE_DIR = Path(__file__).resolve().parent.parent
-VAR_DIR = Path(env.text("VAR_DIR", str(BASE_DIR / "var"))).resolve()
-VAR_DIR.mkdir(parents=True, exist_ok=True)
+VAR_DIR = env.private_folder(Path(env.text("VAR_DIR", str(BASE_DIR / "var"))).resolve())
 
 DEBUG = env.flag("DEBUG")
 HTTP_ONLY = env.flag("HTTP_ONLY")
@@ -53,6 +52,7 @@ MIDDLEWARE = [
     "django.contrib.auth.middleware.AuthenticationMiddleware",
     "django.contrib.messages.middleware.MessageMiddleware",
     "django.middleware.clickjacking.XFrameOptionsMiddleware",
+    "accounts.rate_limits.TellsToWait",
     "allauth.account.middleware.AccountMiddleware",
 ]
 
@@ -85,6 +85,7 @@ if mongodb.is_address(env.text("DATABASE_URL")):
 else:
     DATABASES = {"default": dj_database_url.parse(env.text("DATABASE_URL", f"sqlite:///{VAR_DIR / 'telepresence.sqlite3'}"), conn_max_age=60)}
 if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
+    env.private_sqlite(str(DATABASES["default"]["NAME"]))
     DATABASES["default"]["CONN_MAX_AGE"] = 0
     DATABASES["default"]["OPTIONS"] = {
         # Several processes write: wait for each other instead of failing, and take the write lock when a transaction begins.
