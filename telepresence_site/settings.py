@@ -157,6 +157,7 @@ TURN_MINUTES = float(env.text("TURN_MINUTES", "15"))
 TURN_WARNING_SECONDS = float(env.text("TURN_WARNING_SECONDS", "120"))
 START_SECONDS = float(env.text("START_SECONDS", "60"))
 GRACE_SECONDS = float(env.text("GRACE_SECONDS", "30"))
+DISK_LOW_MB = float(env.text("DISK_LOW_MB", "500"))  # free on the disk of VAR_DIR, below which people are told
 IDLE_SECONDS = float(env.text("IDLE_SECONDS", "120"))  # 0: nobody is asked
 PRACTICE_ROBOTS = int(env.text("PRACTICE_ROBOTS", "0"))  # simulated ones for visitors who wait; run_practice runs them
 PRACTICE_MINUTES = float(env.text("PRACTICE_MINUTES", "3"))

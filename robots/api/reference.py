@@ -14,7 +14,7 @@ import msgspec
 
 from robots.api import messages as m
 from robots.api import topics
-from robots.api.examples import EXAMPLES, SERVER_NEWS
+from robots.api.examples import EXAMPLES, MANAGER_STATUS, SERVER_NEWS
 from robots.api.schema import json_schema
 
 REFERENCE = "docs/reference/robot-api.md"
@@ -66,12 +66,13 @@ def reference() -> str:
     parts += [_topic_section(topic) for topic in (*topics.TABLE, *topics.DATA_CHANNEL_ONLY)]
     parts += ["## Parts\n", *(_class_section(kind, "###") for kind in _parts())]
     parts += ["## Between servers\n", _class_section(m.ServerNews, "###"), *(_example(name, news) for name, news in SERVER_NEWS.items())]
+    parts += [_class_section(m.ManagerStatus, "###"), *(_example(name, status) for name, status in MANAGER_STATUS.items())]
     return "\n".join(parts).rstrip() + "\n"
 
 
 def golden_files() -> dict[str, str]:
     """Return name → text of the golden files: one a topic, `{"suffix": …, "messages": {name: message}}`."""
-    named = {**EXAMPLES, "server/session/+": SERVER_NEWS}
+    named = {**EXAMPLES, "server/session/+": SERVER_NEWS, "server/manager": MANAGER_STATUS}
     return {_file_name(suffix): _json({"suffix": suffix, "messages": msgspec.to_builtins(examples)}) for suffix, examples in named.items()}
 
 
@@ -167,7 +168,7 @@ def _parts() -> list[type[m.Message]]:
     """Return the classes that stand inside messages and are no message of a topic themselves, in the order of the module."""
     carried = {kind for topic in (*topics.TABLE, *topics.DATA_CHANNEL_ONLY) for kind in classes(topic.content)}
     every = [kind for kind in vars(m).values() if inspect.isclass(kind) and issubclass(kind, m.Message)]
-    return [kind for kind in every if kind not in carried and kind not in {m.Message, m.Action, m.ServerNews}]
+    return [kind for kind in every if kind not in carried and kind not in {m.Message, m.Action, m.ServerNews, m.ManagerStatus}]
 
 
 def main() -> None:

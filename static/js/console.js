@@ -139,7 +139,8 @@ const socket = new Socket({
   onOpen: () => {
     performance.mark("drive:socket");
     carrier.direct = false;
-    rounds.expectHeartbeats();
+    rounds.heardServer();
+    store.update({ faults: [] });
     dispatch({ type: "socket_open" });
   },
   onLost: (code) => dispatch({ type: "socket_closed", code }),
@@ -182,6 +183,9 @@ const carrier = new Carrier({ socket, link, pulse, commands });
 const receive = (frame, way) => {
   try {
     const { suffix, message } = decodeFrame(frame);
+    if (way === "mqtt") {
+      rounds.heardServer();
+    }
     if (way === "mqtt" || ON_DATA_CHANNEL.has(suffix)) {
       take(suffix, message, way);
     }
@@ -249,12 +253,13 @@ const HANDLERS = {
     steering.robotLimits = message.limits;
     store.update({ factsheet: message });
   },
-  robot: (message) => {
-    rounds.expectHeartbeats();
-    dispatch({ type: "robot", message });
-  },
+  robot: (message) => dispatch({ type: "robot", message }),
   room: (message) => store.update({ room: message }),
   "session/task": (message) => study.told(message),
+  "server/status": ({ faults }) => {
+    const now = unixNow();
+    store.update({ faults: faults.map(({ part, then, seconds }) => ({ part, then, at: seconds === null ? null : now + seconds })) });
+  },
   notice: (message) => store.update({ notice: message.text }),
   "signal/reply": (message) => {
     dispatch({ type: "signal/reply", message });
