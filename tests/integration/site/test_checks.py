@@ -66,6 +66,12 @@ def test_the_tests_own_settings_pass_every_check():
     assert [message for message in run_checks() if message.id.startswith("telepresence.")] == []
 
 
+def test_a_disk_without_much_room_is_told_when_a_command_starts(settings):
+    assert found_by(checks.check_disk) == []
+    settings.DISK_LOW_MB = 1e9
+    assert found_by(checks.check_disk) == ["telepresence.W010"]
+
+
 @pytest.mark.parametrize("url", ["localhost:1883", "http://broker", "mqtt://", "mqtt://broker:port", "mqtt://broker:99999"])
 @pytest.mark.parametrize("name", ["MQTT_URL", "MQTT_PUBLIC_URL"])
 def test_a_malformed_broker_address_is_an_error(settings, name, url):
