@@ -140,6 +140,7 @@ const socket = new Socket({
     performance.mark("drive:socket");
     carrier.direct = false;
     rounds.heardServer();
+    slow.hurry();
     store.update({ faults: [] });
     dispatch({ type: "socket_open" });
   },
@@ -253,7 +254,10 @@ const HANDLERS = {
     steering.robotLimits = message.limits;
     store.update({ factsheet: message });
   },
-  robot: (message) => dispatch({ type: "robot", message }),
+  robot: (message) => {
+    slow.hurry();
+    dispatch({ type: "robot", message });
+  },
   room: (message) => store.update({ room: message }),
   "session/task": (message) => study.told(message),
   "server/status": ({ faults }) => {

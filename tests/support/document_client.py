@@ -42,6 +42,7 @@ class DocumentClient:
         self.driving = self.online = False
         self.moved = self.heard_at = self.hasty_until = self.asked_at = self.zero_until = 0.0
         self.state_seq = -1
+        self.take_at = float("inf")
         self.heard, self.denied = Counter(), Counter()
         self.faults, self.told = [], []  # as of now; and (when, faults) of every change
         self.ended = None
@@ -77,8 +78,7 @@ class DocumentClient:
     async def _talk(self, socket):
         """Hear until the socket ends or says nothing for too long; an open one brings `server/status` once a second."""
         self.socket, self.heard_at = socket, time.time()
-        known = {"session": self.session, "peer": self.peer}
-        await self._say("session/take", {name: value for name, value in known.items() if value})
+        await self._take()
         self._hurry()
         while True:
             async with asyncio.timeout(SILENCE):
@@ -90,6 +90,11 @@ class DocumentClient:
                 suffix, _, payload = frame.partition("\n")
                 self.heard[suffix] += 1
                 await self._hear(suffix, json.loads(payload))
+
+    async def _take(self):
+        known = {"session": self.session, "peer": self.peer}
+        self.take_at = float("inf")
+        await self._say("session/take", {name: value for name, value in known.items() if value})
 
     async def _say(self, suffix, message):
         if self.socket is not None:
@@ -124,7 +129,7 @@ class DocumentClient:
         elif suffix == "denied":
             self.denied[f"{message['suffix']} {message['reason']}"] += 1
             if message["suffix"] == "session/take" and message["reason"] == "unavailable":
-                await self._say("session/take", {"session": self.session, "peer": self.peer} if self.session else {})
+                self.take_at = now + 1.0
 
     def _state(self, state, now):
         if state["boot"] != self.boot:
@@ -156,9 +161,13 @@ class DocumentClient:
         while True:
             await asyncio.sleep(TICK)
             now = time.time()
-            if not self.driving or self.socket is None:
+            if self.socket is None:
                 continue
             with contextlib.suppress(WebSocketException, OSError):
+                if now >= self.take_at:
+                    await self._take()
+                if not self.driving:
+                    continue
                 if now - beat_at >= (HASTY_BEAT if now < self.hasty_until else BEAT) - TICK / 2:
                     beat_at, self.beats = now, self.beats + 1
                     await self._say("command/heartbeat", {"n": self.beats, "stamp": now} | ({"echo": self.echo} if self.echo else {}))
