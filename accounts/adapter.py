@@ -1,12 +1,18 @@
 """How django-allauth treats this site's accounts."""
 
+from typing import Any
+
 from allauth.account.adapter import DefaultAccountAdapter
+from allauth.core import context
 from django.conf import settings
+from django.core.exceptions import ValidationError
 from django.forms import BaseForm
 from django.http import HttpRequest
 
 from accounts.attempts import address_of
 from accounts.models import User
+
+LIMITS_MET = frozenset({"too_many_login_attempts", "rate_limited"})
 
 
 class AccountAdapter(DefaultAccountAdapter):
@@ -19,6 +25,12 @@ class AccountAdapter(DefaultAccountAdapter):
     def get_client_ip(self, request: HttpRequest) -> str:
         """Return whose attempts are counted: behind a proxy of ours its visitor, not the proxy, which would be everybody."""
         return address_of(request)
+
+    def validation_error(self, code: str, *args: Any) -> ValidationError:
+        """Note that a limit was met, which allauth tells in the form alone: the answer's code says so as well (accounts/rate_limits.py)."""
+        if code in LIMITS_MET and context.request is not None:
+            context.request.limit_met = True
+        return super().validation_error(code, *args)
 
     def save_user(self, request: HttpRequest, user: User, form: BaseForm, commit: bool = True) -> User:  # noqa: FBT001, FBT002 -- allauth's signature
         """Store a new account, with the name that others are to see."""

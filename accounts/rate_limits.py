@@ -13,6 +13,9 @@ from accounts.attempts import Attempts, address_of
 Given = ParamSpec("Given")
 View = Callable[Concatenate[HttpRequest, Given], HttpResponseBase]
 TOO_MANY = 429
+FORM_REFUSED = (200, 400)  # a page, and what a script is told
+# The longest windows of ACCOUNT_RATE_LIMITS, for wrong passwords and for all else; which one was met allauth does not tell.
+GUESSES_SECONDS, ATTEMPTS_SECONDS = 300, 60
 SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
 
 
@@ -35,7 +38,7 @@ def limited(
                 return view(request, *args, **kwargs)
             name, now = who(request), time.time()
             if not (attempts.count(name, now) if refusals is None else attempts.are_left(name, now)):
-                return too_many(request, attempts.seconds, json=json)
+                return too_many(request, attempts.wait(name, now), json=json)
             answer = view(request, *args, **kwargs)
             if refusals is not None and answer.status_code in refusals:
                 attempts.count(name, now)
@@ -44,6 +47,26 @@ def limited(
         return kept
 
     return limit
+
+
+class TellsToWait:
+    """Middleware: whoever met a limit of django-allauth reads so in the answer's code, and when to come again.
+
+    The page stays as it is: after too many wrong passwords it is the form, with a sentence above it.
+    """
+
+    def __init__(self, get_response: Callable[[HttpRequest], HttpResponseBase]) -> None:
+        self._get_response = get_response
+
+    def __call__(self, request: HttpRequest) -> HttpResponseBase:
+        """Answer, with 429 and Retry-After where a limit was met."""
+        response = self._get_response(request)
+        guessed = getattr(request, "limit_met", False)
+        if guessed and response.status_code in FORM_REFUSED:
+            response.status_code = TOO_MANY
+        if response.status_code == TOO_MANY and not response.has_header("Retry-After"):
+            response["Retry-After"] = str(GUESSES_SECONDS if guessed else ATTEMPTS_SECONDS)
+        return response
 
 
 def who(request: HttpRequest) -> str:

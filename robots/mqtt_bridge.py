@@ -51,6 +51,7 @@ LISTENED = (
 SHOWN = frozenset({"state"})
 STOP_SECONDS, STOP_AGAIN_SECONDS = 3.0, 0.1
 MAX_FLYING = 500
+WATCH_SECONDS = 0.2
 PIECE = 4096  # bytes read at a time, some ten messages: between two pieces pages are sent what there is
 MAX_REPORTS, REPORTS_FLYING = 2000, 100  # kept, and on their way at once: what has gathered must not be in the way of a stop
 # From a message of ours to its handing over, at QoS 1 to the broker's word that it has it.
@@ -93,6 +94,7 @@ class Bridge:
         self._up = asyncio.Event()
         # In a context of its own: that of the request which came first ends with it, and would be inherited by all that is heard.
         self._task = self._loop.create_task(self._run(), context=contextvars.Context())
+        self._watching = self._loop.create_task(self._watch(), context=contextvars.Context())
 
     # --- the connection ----------------------------------------------------------------------------------------------
 
@@ -116,7 +118,7 @@ class Bridge:
 
     async def close(self) -> None:
         """Leave the broker and stop trying."""
-        await cancel(self._task)
+        await cancel(self._task, self._watching)
 
     async def _run(self) -> None:
         attempt = 0
@@ -128,6 +130,20 @@ class Bridge:
             attempt = 0 if self._up.is_set() else attempt + 1
             self._up.clear()
             await asyncio.sleep(broker_address.backoff(attempt, self._rng.random()))
+
+    async def _watch(self) -> None:
+        """Look which parts of the server do their work, and have whoever listens told."""
+        while True:
+            await asyncio.sleep(WATCH_SECONDS)
+            now = time.monotonic()
+            if self._client is not None and self._delivery.watch.wants_probe(now):
+                self._launch(functools.partial(self._probe, self._client))
+            self._delivery.bring_faults(now)
+
+    async def _probe(self, client: aiomqtt.Client) -> None:
+        await client.publish(topics.PROBE, b"", qos=1)
+        if client is self._client:
+            self._delivery.watch.answered()
 
     async def _serve(self) -> None:
         """Connect, subscribe to everything that is listened to, and stay until the broker is gone.
@@ -141,7 +157,11 @@ class Bridge:
             read_quickly(client, chunk=PIECE)
             self._client, self._writer = client, writer_of(client)
             try:
-                wanted = [(topics.session_news("+"), 1), *(pair for robot in self._delivery.robots for pair in _filters(robot))]
+                wanted = [
+                    (topics.session_news("+"), 1),
+                    (topics.MANAGER_STATUS, 0),
+                    *(pair for robot in self._delivery.robots for pair in _filters(robot)),
+                ]
                 broker_address.check_subscribed(await client.subscribe(wanted))
                 self._arrive()
                 async for _ in client.messages:
@@ -152,6 +172,7 @@ class Bridge:
     def _arrive(self) -> None:
         log.info("bridge_connected host=%s port=%d", self._address.host, self._address.port)
         self._up.set()
+        self._delivery.watch.link_changed(time.monotonic(), up=True)
         stops = [stop for stop in self._stops if stop.deadline > time.monotonic()]
         self._stops.clear()
         for stop in stops:
@@ -166,6 +187,7 @@ class Bridge:
         for flying in self._flying:
             flying.cancel()
         self._delivery.lose_sight()
+        self._delivery.watch.link_changed(time.monotonic(), up=False)
         if self._up.is_set():
             self._delivery.bring_everybody(Letter(LINK, False))
 

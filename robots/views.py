@@ -16,6 +16,7 @@ from django.views.decorators.csrf import csrf_exempt
 from django.views.decorators.http import require_GET, require_safe
 
 from accounts.attempts import Attempts, address_of
+from accounts.rate_limits import too_many
 from robots import credentials
 from robots.access import may_drive, may_observe, robots_visible_to
 from robots.ice import ice_servers
@@ -33,7 +34,7 @@ def agent_configuration(request: HttpRequest) -> JsonResponse:
     """Tell an agent where its broker is. It shows `Authorization: Bearer <robot>:<token>`; there is no session and no cookie."""
     address, now = address_of(request), time.time()
     if not REFUSED.are_left(address, now) or not ASKED.count(address, now):
-        return JsonResponse({"error": "too_many_attempts", "detail": "Wait a minute."}, status=429, headers={"Retry-After": "60"})
+        return too_many(request, max(REFUSED.wait(address, now), ASKED.wait(address, now)), json=True)
     name, token = bearer(request.headers.get("Authorization", ""))
     robot = credentials.robot_of(name, token) if name and token else None
     if robot is None:

@@ -46,6 +46,12 @@ def _problem(status: int, error: str, detail: str) -> JsonResponse:
     return JsonResponse({"apiVersion": VERSION, "error": error, "detail": detail}, status=status)
 
 
+def _too_many(error: str, seconds: int) -> JsonResponse:
+    answer = _problem(429, error, f"Ask again in {seconds} seconds.")
+    answer["Retry-After"] = str(seconds)
+    return answer
+
+
 def _key_or_problem(request: HttpRequest) -> ApiKey | JsonResponse | None:
     """Return the key that comes along, None when none does, or what is wrong with it."""
     header = request.headers.get("Authorization", "")
@@ -53,7 +59,7 @@ def _key_or_problem(request: HttpRequest) -> ApiKey | JsonResponse | None:
         return None
     address, now = address_of(request), time.time()
     if not REFUSED.are_left(address, now):
-        return _problem(429, "too_many_attempts", "Wait a minute.")
+        return _too_many("too_many_attempts", REFUSED.wait(address, now))
     key = key_of(header)
     if key is None:
         REFUSED.count(address, now)
@@ -150,8 +156,9 @@ def _counted(view: Callable[[HttpRequest, ApiKey, str], Awaitable[JsonResponse]]
             return key
         if key is None or key.robot.name != robot:
             return _problem(403, "not_allowed", "A robot is acted on with a key of its own.")
-        if not ACTED.count(str(key.pk), time.time()):
-            return _problem(429, "too_many_actions", "Wait a minute.")
+        name, now = str(key.pk), time.time()
+        if not ACTED.count(name, now):
+            return _too_many("too_many_actions", ACTED.wait(name, now))
         kind = _kind(request)
         if kind is None:
             return _problem(400, "unknown_action", f"Send a JSON object with “type”: {', '.join(ACTIONS)}.")

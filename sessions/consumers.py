@@ -18,7 +18,7 @@ from django.utils import timezone
 from robots import log_ids, mqtt_bridge
 from robots.api import picture
 from robots.api.messages import Action, Message
-from robots.bridge.delivery import LINK, Letter
+from robots.bridge.delivery import FAULTS, LINK, Letter
 from robots.ice import ice_servers
 from sessions import entrance, relay, wire
 from sessions.backpressure import IS_FULL, never_full
@@ -203,19 +203,25 @@ class RobotConsumer(DirectConsumer):
         elif letter.suffix in {LINK, "connection"}:
             unsure = letter.suffix == LINK and letter.message
             self._presence_changed(link=letter.message is not False)
+        elif letter.suffix == FAULTS:
+            self.outbox.put(relay.status(letter.message, self.known, time.monotonic()))
         elif picture.is_picture(letter.suffix):
             if isinstance(letter.frame, bytes) and picture.is_for(letter.suffix, self.room.peer) and self.room.may_see_picture(self.known.lease):
                 self.outbox.put_picture(letter.frame)
-        elif (out := relay.for_driver(letter)) is not None:
+        else:
+            self._relay(letter)
+        if letter.suffix in {"lease", "state"}:
+            self.visit.company_changed()
+        if unsure:
+            self._launch(self.visit.confirm())
+
+    def _relay(self, letter: Letter) -> None:
+        if (out := relay.for_driver(letter)) is not None:
             # What visitor and people at the robot write to each other, and where they point, is no business of those who watch.
             if self.room.holds(self.known.lease) and self.sparing.passes(letter.suffix, time.monotonic()):
                 self.outbox.put(out)
         elif self.sparing.passes(letter.suffix, time.monotonic()) and (out := relay.relayed(letter, self.room.peer)) is not None:
             self.outbox.put(out)
-        if letter.suffix in {"lease", "state"}:
-            self.visit.company_changed()
-        if unsure:
-            self._launch(self.visit.confirm())
 
     def _presence_changed(self, *, link: bool) -> None:
         presence = relay.presence(self.known, link=link)

@@ -1,8 +1,8 @@
 """The recorder: a thread that writes the record, and the bounded buffer in front of it.
 
-The session manager's loop never waits for the database: it puts items into the buffer and goes on. While the database is away the
-thread tries again and again with the same rows, and the buffer grows to its bound; what comes after that is counted, logged and not
-recorded. Of that, states are missed by their numbers and asked for again once there is room.
+The session manager's loop never waits for the database: it puts items into the buffer and goes on. While the database is away, or its
+disk full, the thread tries again and again with the same rows, and the buffer grows to its bound; what comes after that is counted,
+logged and not recorded. Of that, states are missed by their numbers and asked for again once there is room.
 """
 
 import logging
@@ -14,6 +14,7 @@ from collections.abc import Callable
 from django.db import DatabaseError, InterfaceError, close_old_connections, connection
 
 from sessions.manager_beat import STALE_SECONDS
+from sessions.manager_health import is_disk_full
 from sessions.record_items import Item
 from sessions.record_store import RecordStore
 from sessions.transcript import Transcript
@@ -155,6 +156,7 @@ class Recorder:
                 logger.error("record_not_written failures=%d waiting=%d reason=%s", self._failures, len(self._buffer), error)  # noqa: TRY400 -- the reason says it
                 time.sleep(pause)
                 pause = min(LAST_RETRY, pause * 2)
-                close_old_connections()
+                if not is_disk_full(error):  # without room SQLite could not open another one
+                    close_old_connections()
             else:
                 return

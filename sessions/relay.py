@@ -1,7 +1,9 @@
 """What a page hears of its robot and of its session: letters of the bridge turned into frames, pure."""
 
 import logging
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import msgspec
 
@@ -10,6 +12,7 @@ from robots.api.codec import encode_frame
 from robots.api.messages import Heartbeat, Message, Pointer, ServerNews
 from robots.bridge.delivery import LINK, Letter
 from robots.bridge.known import KnownRobot
+from robots.bridge.server_watch import ROBOT
 from sessions import wire
 
 log = logging.getLogger(__name__)
@@ -21,6 +24,7 @@ SPARED = frozenset({"pose", "scan", "pointer"})
 STATE_SECONDS = 1.9  # states come four times a second: every eighth
 # Why a robot is not there, in `robot`.
 BROKER_AWAY = "server"
+HARMLESS = frozenset({"disk_low", "disk_full"})  # leases are renewed and the record waits in memory
 
 
 @dataclass(frozen=True)
@@ -96,6 +100,23 @@ def presence(known: KnownRobot, *, link: bool) -> wire.RobotPresence | None:
     if known.connection is None:
         return None
     return wire.RobotPresence(online=known.connection.state == "ONLINE", reason=known.connection.reason)
+
+
+def status(faults: Iterable[str], known: KnownRobot, now: float) -> Outgoing:
+    """Return what the pages of a robot are told of parts that fail; `now` is monotonic. Worthless once the next one is there."""
+    return Outgoing(encode_frame("server/status", wire.ServerStatus(faults=tuple(_fault(part, known, now) for part in faults))), droppable=True)
+
+
+def _fault(part: Any, known: KnownRobot, now: float) -> wire.Fault:
+    """Say what follows: without these parts nobody renews a lease, and a robot whose lease has run out stands."""
+    if part in HARMLESS:
+        return wire.Fault(part=part, then="goes_on")
+    if known.lease is None:
+        return wire.Fault(part=part, then="waits")
+    left = known.renewed_at + known.lease.ttl - now
+    if part == ROBOT or left <= 0.0:
+        return wire.Fault(part=part, then="stopped")
+    return wire.Fault(part=part, then="stops", seconds=left)
 
 
 def told(news: ServerNews, start_seconds: float) -> tuple[str, Message] | None:  # noqa: PLR0911 -- a table

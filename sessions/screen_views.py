@@ -10,6 +10,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST, require_safe
 
 from accounts.attempts import Attempts, address_of
+from accounts.rate_limits import too_many
 from robots.screens import YEAR, cookie_of, screen_of
 from sessions import wire
 
@@ -40,7 +41,7 @@ def screen_key(request: HttpRequest, robot: str) -> HttpResponse:
     """Take the key that stood behind the `#`, and give it back as a cookie that no script reads."""
     address, now = address_of(request), time.time()
     if not REFUSED.are_left(address, now):
-        return JsonResponse({"error": "too_many_attempts"}, status=429, headers={"Retry-After": "60"})
+        return too_many(request, REFUSED.wait(address, now), json=True)
     key = request.POST.get("key", "")[:200]
     if screen_of(robot, key) is None:
         REFUSED.count(address, now)

@@ -30,6 +30,7 @@ from django.db import DatabaseError, InterfaceError, connection
 from django.utils import timezone
 
 from robots.api import codec, messages, topics
+from robots.api.disk_space import DiskSpace
 from robots.bridge import broker_address
 from robots.bridge.inbox import Inbox
 from robots.bridge.quick_reading import read_quickly
@@ -42,6 +43,7 @@ from sessions.intake import Intake, filters
 from sessions.life_sign import LifeSign
 from sessions.listening import PEER
 from sessions.manager_beat import BEAT_SECONDS, WAIT_SECONDS, beat, give_back
+from sessions.manager_health import ManagerHealth, is_disk_full
 from sessions.models import Session
 from sessions.record_items import CloseItem
 from sessions.recorder import Recorder
@@ -56,6 +58,7 @@ logger = logging.getLogger(__name__)
 IDENTIFIER = "session-manager"
 LOOK_SECONDS = 0.5
 HEARTBEAT_SECONDS = 0.5
+STATUS_SECONDS = 0.5
 GATHER_SECONDS = 0.04
 TOGETHER = 200  # letters on their way to the broker at once, of the thousand that a client keeps
 FLUSH_SECONDS = 20.0
@@ -88,6 +91,8 @@ class SessionManager:
         self._pressing = asyncio.Event()
         self._fresh = asyncio.Event()
         self._asking: set[asyncio.Task[None]] = set()
+        self._health = ManagerHealth()
+        self._disk = DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB)
         self._clockwork = ThreadPoolExecutor(1, "clockwork")
         self._beating = ThreadPoolExecutor(1, "beat")
 
@@ -215,7 +220,10 @@ class SessionManager:
             self._standing = StandingOrders()
             self.connected.set()
             logger.info("session_manager_connected host=%s port=%d", self._address.host, self._address.port)
-            await until_one_ends(self._look_for_ever(), self._beat_for_ever(), self._signal_for_ever(), _end_of(client))
+            self._health.looked(time.monotonic())
+            await until_one_ends(
+                self._look_for_ever(), self._beat_for_ever(), self._signal_for_ever(), self._tell_status_for_ever(), _end_of(client)
+            )  # fmt: skip
 
     # --- what goes on while connected --------------------------------------------------------------------------------
 
@@ -245,9 +253,13 @@ class SessionManager:
     async def _try(self, step: Callable[..., Any], *arguments: Any) -> Any:
         """Do a step of the clockwork; None when the database did not let it, which the next look does again."""
         try:
-            return await self._in_thread(self._clockwork, step, *arguments)
+            done = await self._in_thread(self._clockwork, step, *arguments)
         except (DatabaseError, InterfaceError) as error:
+            self._health.refused(error, time.monotonic())
             logger.warning("session_manager_looks_again reason=%s", error)
+            return None
+        self._health.looked(time.monotonic())
+        return done
 
     def _look(self) -> list[CloseItem]:
         """In the clockwork's thread: first who is there, then what time does."""
@@ -288,6 +300,13 @@ class SessionManager:
                     await self._client.publish(topics.of(robot, "command/heartbeat"), codec.encode(message))
             await asyncio.sleep(HEARTBEAT_SECONDS)
 
+    async def _tell_status_for_ever(self) -> None:
+        """Say that this process lives and what it lacks; from the loop, which no database holds up."""
+        while True:
+            status = messages.ManagerStatus(stamp=self._clock(), faults=self._health.faults(time.monotonic(), self._disk.state()))
+            await self._client.publish(topics.MANAGER_STATUS, codec.encode(status))
+            await asyncio.sleep(STATUS_SECONDS)
+
     async def _signal_for_ever(self) -> None:
         while True:
             await self._fresh.wait()
@@ -326,9 +345,13 @@ async def _end_of(client: aiomqtt.Client) -> None:
 
 
 def _with_fresh_connection(step: Callable[..., Any], *arguments: Any) -> Any:
-    """Run a step in its thread; after a database error the thread's connection is not trusted any more."""
+    """Run a step in its thread; after a database error the thread's connection is not trusted any more.
+
+    Unless the disk is full: then SQLite could not open another one, for which it needs room.
+    """
     try:
         return step(*arguments)
-    except (DatabaseError, InterfaceError):
-        connection.close()
+    except (DatabaseError, InterfaceError) as error:
+        if not is_disk_full(error):
+            connection.close()
         raise

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from django.conf import settings
+from django.db import DatabaseError
 from django.dispatch import Signal
 
 from robots import log_ids
@@ -20,6 +21,7 @@ from robots.api.messages import ServerNews
 from robots.models import Robot
 from sessions import signals, system_log, terms, turns
 from sessions.leases import Hold, Scene, minutes_until_turn
+from sessions.manager_health import is_disk_full
 from sessions.models import Lease, Session, SessionEvent
 from sessions.record_items import CloseItem
 from sessions.ticks import tick
@@ -48,6 +50,7 @@ class Timekeeper:
     def __init__(self) -> None:
         self.outbox: deque[Letter] = deque()
         self._leases: dict[str, tuple[int, float]] = {}  # robot: epoch, when renewed
+        self._counted: dict[str, tuple[int, int]] = {}  # robot: epoch, number of the newest copy
         self._places: dict[str, tuple[int, int, str]] = {}  # session: place, whole minutes, why it is not ready
         self._warned: set[tuple[str, int]] = set()
         self._asked: dict[str, tuple[str, float]] = {}  # robot: which visit was asked for a sign, and when
@@ -196,6 +199,7 @@ class Timekeeper:
         held = {name: (key, epoch, state) for name, key, epoch, state in rows}
         for name in self._leases.keys() - held.keys():
             del self._leases[name]
+            self._counted.pop(name, None)
             self._publish_lease(name, b"")
         due = {}
         for name, (key, epoch, state) in held.items():
@@ -215,8 +219,8 @@ class Timekeeper:
 
     def _renew_one(self, lease: Lease, now: datetime.datetime, early: float) -> None:
         """Publish a lease; the next renewal comes so many seconds sooner."""
-        renewal = lease.renewal + 1
-        if not Lease.objects.filter(robot=lease.robot, epoch=lease.epoch).update(renewal=renewal):
+        renewal = self._count_renewal(lease)
+        if renewal is None:
             return
         self._leases[lease.robot.name] = (lease.epoch, now.timestamp() - early)
         hold = Hold(lease.epoch, str(lease.session_id), lease.peer)
@@ -225,6 +229,22 @@ class Timekeeper:
         fixed, who = terms.of(session), session.visitor.shown_name
         message = lease_message(lease.robot, who, hold, renewal=renewal, stamp=now.timestamp(), assist=session.assist, fixed=fixed)
         self._publish_lease(lease.robot.name, codec.encode(message))
+
+    def _count_renewal(self, lease: Lease) -> int | None:
+        """Return the number of the next copy, None when the lease has changed meanwhile.
+
+        A full disk takes no numbers, and nobody else can get the lease either: they are counted here until there is room.
+        """
+        epoch, counted = self._counted.get(lease.robot.name, (lease.epoch, 0))
+        renewal = max(lease.renewal, counted if epoch == lease.epoch else 0) + 1
+        try:
+            if not Lease.objects.filter(robot=lease.robot, epoch=lease.epoch).update(renewal=renewal):
+                return None
+        except DatabaseError as error:
+            if not is_disk_full(error):
+                raise
+        self._counted[lease.robot.name] = (lease.epoch, renewal)
+        return renewal
 
     def _publish_lease(self, robot: str, payload: bytes) -> None:
         # Before all news: whoever drives without a lease would go on for as long as those take.

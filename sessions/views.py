@@ -25,6 +25,7 @@ from accounts.models import User
 from accounts.rate_limits import limited
 from robots import mqtt_bridge
 from robots.access import has_a_robot, may_drive, may_observe, robots_visible_to
+from robots.api.disk_space import DiskSpace
 from robots.api.messages import IceServer
 from robots.cards import picture_of
 from robots.ice import ice_servers
@@ -137,10 +138,14 @@ def _own_snapshots(user: Any, robot: str) -> Any:
 @never_cache
 @require_safe
 async def healthz(_request: HttpRequest) -> JsonResponse:
-    """Tell a supervisor whether this process reaches the database and the broker: 200, or 503 with what is missing."""
+    """Tell a supervisor whether this process reaches the database and the broker: 200, or 503 with what is missing.
+
+    How the disk is stands there as well; no restart makes room.
+    """
     database = await database_sync_to_async(_database_answers)()
     broker = await mqtt_bridge.current().wait_connected(BROKER_PATIENCE_SECONDS)
-    return JsonResponse({"database": database, "broker": broker}, status=200 if database and broker else 503)
+    disk = DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB).state()
+    return JsonResponse({"database": database, "broker": broker, "disk": disk}, status=200 if database and broker else 503)
 
 
 def _database_answers() -> bool:

@@ -266,6 +266,27 @@ class Notice(Message, frozen=True, kw_only=True):
     text: Reason
 
 
+class Fault(Message, frozen=True, kw_only=True):
+    """A part of the server, or the robot, that does not do its work, and what that means for who drives.
+
+    `then`: `waits` nobody drives, and nobody gets the robot meanwhile; `stops` the robot brakes in `seconds` unless the part is back before;
+    `stopped` it has, and driving goes on when the part is back; `goes_on` driving is not touched.
+    """
+
+    part: Literal["broker", "session_manager", "database", "disk_low", "disk_full", "robot"]
+    then: Literal["waits", "stops", "stopped", "goes_on"]
+    seconds: Seconds | None = None
+
+
+class ServerStatus(Message, frozen=True, kw_only=True):
+    """`server/status`: what fails now, all of it, once a second and whenever that changes; empty: all is well.
+
+    A page that hears nothing at all for a second and a half has lost its web process, or its network.
+    """
+
+    faults: Annotated[tuple[Fault, ...], Meta(max_length=8)] = ()
+
+
 class Denied(Message, frozen=True, kw_only=True):
     """`denied`: a frame of this page was refused, and why; not an error of the connection."""
 
@@ -318,6 +339,7 @@ TO_PAGE: dict[str, Any] = {
     "screen": Screen,
     "notice": Notice,
     "denied": Denied,
+    "server/status": ServerStatus,
     "signal/reply": Answer | Candidate | Bye,
 }
 _DECODERS: dict[str, msgspec.json.Decoder[Any]] = {suffix: msgspec.json.Decoder(kind) for suffix, kind in TO_SERVER.items()}

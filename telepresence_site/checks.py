@@ -5,12 +5,15 @@ Errors (E) make the site unusable. Warnings (W) are risks; those that only matte
 
 import ipaddress
 import os
+import stat
 from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlsplit
 
 from django.conf import settings
 from django.core.checks import CheckMessage, Error, Tags, Warning, register  # noqa: A004 -- Django's own word
+
+from robots.api.disk_space import MIB, DiskSpace
 
 LEAST_TOKEN = 24  # characters
 LOOPBACK_NAMES = {"localhost", "127.0.0.1", "[::1]", "::1", "testserver"}
@@ -62,7 +65,7 @@ def check_mail(**_: Any) -> list[CheckMessage]:
 
 def check_numbers(**_: Any) -> list[CheckMessage]:
     """Times and bounds are positive (E005), and how long a driver may do nothing is at least not negative."""
-    names = ("TURN_MINUTES", "START_SECONDS", "GRACE_SECONDS", "SOCKETS_PER_ADDRESS", "SOCKETS_PER_USER")
+    names = ("TURN_MINUTES", "START_SECONDS", "GRACE_SECONDS", "SOCKETS_PER_ADDRESS", "SOCKETS_PER_USER", "DISK_LOW_MB")
     values = {name: getattr(settings, name) for name in names}
     wrong = [Error(f"{name} must be positive, not {value}.", id="telepresence.E005") for name, value in values.items() if not value > 0]
     if not settings.IDLE_SECONDS >= 0:
@@ -124,6 +127,23 @@ def check_visitors_addresses(**_: Any) -> list[CheckMessage]:
     return [Warning("BEHIND_TLS_PROXY is set and TRUSTED_PROXIES is not.", hint=hint, id="telepresence.W008")]
 
 
+def check_private_folder(**_: Any) -> list[CheckMessage]:
+    """On a server nobody else reads what was made at run time (W009)."""
+    if os.name != "posix" or not settings.VAR_DIR.stat().st_mode & stat.S_IRWXO:
+        return []
+    hint = f"chmod o-rwx {settings.VAR_DIR}; what a proxy serves belongs into STATIC_ROOT, elsewhere."
+    return [Warning("Every user of this machine can look into VAR_DIR.", hint=hint, id="telepresence.W009")]
+
+
+def check_disk(**_: Any) -> list[CheckMessage]:
+    """There is room for what is recorded (W010)."""
+    space = DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB)
+    if space.state() == "ok":
+        return []
+    hint = f"Make room, or lower DISK_LOW_MB ({settings.DISK_LOW_MB:g})."
+    return [Warning(f"Only {space.free() // MIB} MB are free on the disk of VAR_DIR.", hint=hint, id="telepresence.W010")]
+
+
 def check_demo(**_: Any) -> list[CheckMessage]:
     """On a server nobody signs in by the demo's link (W006)."""
     if not getattr(settings, "DEMO_TOKEN", ""):
@@ -132,10 +152,10 @@ def check_demo(**_: Any) -> list[CheckMessage]:
 
 
 ALWAYS: dict[str, tuple[Callable[..., list[CheckMessage]], ...]] = {
-    "telepresence": (check_ice, check_mail, check_metrics, check_numbers, check_proxies),
+    "telepresence": (check_disk, check_ice, check_mail, check_metrics, check_numbers, check_proxies),
     Tags.security: (check_mqtt, check_plain_http),
 }
-ON_A_SERVER = (check_secret_key, check_cache, check_visitors_addresses, check_demo)
+ON_A_SERVER = (check_secret_key, check_cache, check_visitors_addresses, check_private_folder, check_demo)
 
 
 def register_all() -> None:

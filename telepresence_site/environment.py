@@ -1,5 +1,6 @@
 """What the environment of the process says, read once; docs/reference/settings.md lists every name."""
 
+import contextlib
 import os
 import secrets
 from pathlib import Path
@@ -36,3 +37,21 @@ def kept_secret(path: Path, nbytes: int = 48) -> str:
         with os.fdopen(descriptor, "w") as file:
             file.write(secret)
         return secret
+
+
+def private_folder(path: Path) -> Path:
+    """Make a folder that its owner alone may look into; one that is there stays as it is (check telepresence.W009 looks at it)."""
+    path.mkdir(mode=0o700, parents=True, exist_ok=True)
+    return path
+
+
+def private_sqlite(name: str) -> None:
+    """Have a database's file readable by its owner alone, before SQLite makes it: the files beside it (-wal, -shm) get the same mode."""
+    path = Path(name)
+    if name.startswith((":", "file:")) or not path.parent.is_dir():  # in memory, or an address of SQLite's own
+        return
+    with contextlib.suppress(FileExistsError):
+        os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600))
+    for file in (path, *(path.with_name(path.name + part) for part in ("-wal", "-shm"))):
+        with contextlib.suppress(FileNotFoundError, PermissionError):  # another user's, who sees to it
+            file.chmod(0o600)

@@ -1,7 +1,8 @@
 """Whether this web process can do its work now, and with it the parts that it cannot do without.
 
 `/healthz` says that the process reaches database and broker (a supervisor restarts what does not). `/readyz` says whether visitors should
-be sent here, and looks at everything: 200, or 503 with a word for every part. Neither says anything that is not everybody's business.
+be sent here, and looks at everything: 200, or 503 with a word for every part; of the disk also while there is still room. Neither says
+anything that is not everybody's business.
 """
 
 import asyncio
@@ -11,6 +12,7 @@ from typing import Any
 
 from channels.db import database_sync_to_async
 from channels.layers import get_channel_layer
+from django.conf import settings
 from django.db import DatabaseError
 from django.http import HttpRequest, JsonResponse
 from django.utils import timezone
@@ -18,13 +20,14 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
 from robots import mqtt_bridge
+from robots.api.disk_space import DiskSpace
 from sessions.manager_beat import NAME, STALE_SECONDS
 from sessions.models import ManagerBeat
 from sessions.recorder import LIMIT
 
 log = logging.getLogger(__name__)
 PATIENCE_SECONDS = 1.0
-WELL = "ok"
+WELL, LOW = "ok", "low"  # a disk that is nearly full is told in time, and turns nobody away
 BEHIND = LIMIT // 4  # items that wait for the database; a busy site has a few hundred
 
 
@@ -39,9 +42,10 @@ async def readyz(_request: HttpRequest) -> JsonResponse:
         "broker": WELL if broker else "away",
         "channel_layer": await _channel_layer(),
         "session_manager": manager,
+        "disk": DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB).state(),
     }
-    ready = all(word == WELL for word in parts.values())
-    if not ready:
+    ready = all(word == WELL for word in parts.values() if word != LOW)
+    if any(word != WELL for word in parts.values()):
         log.warning("not_ready parts=%s", {part: word for part, word in parts.items() if word != WELL})
     return JsonResponse({"ready": ready, **parts}, status=200 if ready else 503)
 

@@ -25,6 +25,7 @@ from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
 from prometheus_client.registry import Collector
 
 from robots import mqtt_bridge
+from robots.api.disk_space import DiskSpace
 from robots.models import Robot
 from sessions import company
 from sessions.manager_beat import NAME
@@ -74,6 +75,7 @@ class _Ready(Collector):
 def _of_this_process() -> Iterator[Metric]:
     bridge = mqtt_bridge.current()
     yield _gauge("broker_connected", "Whether this web process reaches the broker.", float(bridge.connected))
+    yield _gauge("disk_free_bytes", "Room on the disk of VAR_DIR.", float(DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB).free()))
     yield _counter("bridge", "Messages between broker and pages by what became of them.", "what", dict(bridge.counts))
     yield _gauges("pages", "Open drive pages by what they do.", "standing", dict(company.standings()))
     yield _counter("refused_frames", "What pages said and may not say, by reason.", "reason", dict(company.refusals()))

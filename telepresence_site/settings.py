@@ -13,8 +13,7 @@ from telepresence_site import environment as env
 from telepresence_site import mongodb
 
 BASE_DIR = Path(__file__).resolve().parent.parent
-VAR_DIR = Path(env.text("VAR_DIR", str(BASE_DIR / "var"))).resolve()
-VAR_DIR.mkdir(parents=True, exist_ok=True)
+VAR_DIR = env.private_folder(Path(env.text("VAR_DIR", str(BASE_DIR / "var"))).resolve())
 
 DEBUG = env.flag("DEBUG")
 HTTP_ONLY = env.flag("HTTP_ONLY")
@@ -53,6 +52,7 @@ MIDDLEWARE = [
     "django.contrib.auth.middleware.AuthenticationMiddleware",
     "django.contrib.messages.middleware.MessageMiddleware",
     "django.middleware.clickjacking.XFrameOptionsMiddleware",
+    "accounts.rate_limits.TellsToWait",
     "allauth.account.middleware.AccountMiddleware",
 ]
 
@@ -85,6 +85,7 @@ if mongodb.is_address(env.text("DATABASE_URL")):
 else:
     DATABASES = {"default": dj_database_url.parse(env.text("DATABASE_URL", f"sqlite:///{VAR_DIR / 'telepresence.sqlite3'}"), conn_max_age=60)}
 if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
+    env.private_sqlite(str(DATABASES["default"]["NAME"]))
     DATABASES["default"]["CONN_MAX_AGE"] = 0
     DATABASES["default"]["OPTIONS"] = {
         # Several processes write: wait for each other instead of failing, and take the write lock when a transaction begins.
@@ -156,6 +157,7 @@ TURN_MINUTES = float(env.text("TURN_MINUTES", "15"))
 TURN_WARNING_SECONDS = float(env.text("TURN_WARNING_SECONDS", "120"))
 START_SECONDS = float(env.text("START_SECONDS", "60"))
 GRACE_SECONDS = float(env.text("GRACE_SECONDS", "30"))
+DISK_LOW_MB = float(env.text("DISK_LOW_MB", "500"))  # free on the disk of VAR_DIR, below which people are told
 IDLE_SECONDS = float(env.text("IDLE_SECONDS", "120"))  # 0: nobody is asked
 PRACTICE_ROBOTS = int(env.text("PRACTICE_ROBOTS", "0"))  # simulated ones for visitors who wait; run_practice runs them
 PRACTICE_MINUTES = float(env.text("PRACTICE_MINUTES", "3"))

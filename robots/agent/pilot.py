@@ -93,7 +93,7 @@ class Pilot:
             screens=lambda: parts.media.screens,
             call=lambda: self._calls.state(self._driver(), self._times.now()),
             networks=self._networks_told,
-            devices=lambda: (parts.media.camera_status, parts.media.errors),
+            devices=lambda: (parts.media.camera_status, (*parts.media.errors, *parts.store.shortage())),
         )
         self.actions = Actions(
             parts.kernel,

@@ -12,8 +12,10 @@ from pathlib import Path
 
 from robots.agent.latch import UNREADABLE, Latch
 from robots.agent.lease import Remembered
+from robots.api.disk_space import MIB, DiskSpace
 
 log = logging.getLogger(__name__)
+LOW_MB = 200  # of room for these files, logs and updates, below which the robot says so
 
 
 class Store:
@@ -22,6 +24,7 @@ class Store:
     def __init__(self, directory: Path) -> None:
         self._latch = directory / "estop.json"
         self._lease = directory / "lease.json"
+        self._space = DiskSpace(directory, LOW_MB)
 
     def prepare(self) -> None:
         """Make the directory.
@@ -33,6 +36,11 @@ class Store:
         probe = self._latch.parent / ".writable"
         probe.write_text("")
         probe.unlink()
+
+    def shortage(self) -> tuple[str, ...]:
+        """Return what the robot's `errors` say of a disk that fills up: `disk_low` or `disk_full`, a colon, and what is left. Quick."""
+        state = self._space.state() if self._latch.parent.is_dir() else "ok"
+        return () if state == "ok" else (f"disk_{state}: {self._space.free() // MIB} MB are free on the robot's computer",)
 
     def latch(self) -> Latch | None:
         """Return the e-stop that was held when the agent ended."""

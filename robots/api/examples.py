@@ -202,3 +202,8 @@ SERVER_NEWS: dict[str, m.ServerNews] = {
         type="task", stamp=_STAMP, session=_SESSION, data={"cue": "go_to_checkpoint", "number": 2, "x": 3.5, "y": -1.25, "passed": [1]}
     ),
 }
+
+MANAGER_STATUS: dict[str, m.ManagerStatus] = {
+    "well": m.ManagerStatus(stamp=_STAMP),
+    "in trouble": m.ManagerStatus(stamp=_STAMP, faults=("database", "disk_full")),
+}

@@ -733,3 +733,14 @@ class ServerNews(Message, frozen=True, kw_only=True):
     remaining: Seconds | None = None
     text: Reason = ""
     data: Annotated[dict[Name, Any], Meta(max_length=32)] = {}
+
+
+class ManagerStatus(Message, frozen=True, kw_only=True):
+    """`telepresence/v1/server/manager`: the session manager's heartbeat for the web processes, twice a second.
+
+    `faults` are the parts without which it cannot do its work: a database that does not answer or refuses, and a disk that is nearly full
+    (`disk_low`) or full. A web process that hears none for a second and a half tells its pages that the session manager fails.
+    """
+
+    stamp: Stamp
+    faults: Annotated[tuple[Literal["database", "disk_low", "disk_full"], ...], Meta(max_length=8)] = ()

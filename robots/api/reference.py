@@ -14,7 +14,7 @@ import msgspec
 
 from robots.api import messages as m
 from robots.api import topics
-from robots.api.examples import EXAMPLES, SERVER_NEWS
+from robots.api.examples import EXAMPLES, MANAGER_STATUS, SERVER_NEWS
 from robots.api.schema import json_schema
 
 REFERENCE = "docs/reference/robot-api.md"
@@ -60,19 +60,93 @@ home), `relocalize` and `photo`, with role `server`. Such a photo is a trial of 
 when the robot says in `state` that it is docked, localized and charged, has given that picture, and echoes the server's heartbeats.
 """
 
+_DRIVING = """\
+## A program that drives
+
+A program that somebody is signed in with may drive as our page does, over one WebSocket, without WebRTC. Frames are as above; pictures are the
+only binary ones. `tests/support/document_client.py` is such a program, written from this section.
+
+**The socket** is `wss://<site>/ws/robots/<robot>/`, with the cookie `sessionid` of a signed-in visitor and the site's own address as `Origin`.
+Close codes 4401 (signed out), 4403 (not allowed) and 4404 (no such robot) are final. After any other end, 4008 (flooded), 4009 (too slow a
+reader) and 4010 (replaced by a newer socket of the same program) among them, connect again.
+
+| suffix | from | fields |
+| --- | --- | --- |
+| `hello` | server | first frame: `peer` (secret, of this connection), `stamp`, `robot`, `online`, `mayDrive`, `mayObserve`, `liveElsewhere` |
+| `session/take` | program | asks for the robot, or takes an offered turn; `session` and `peer` of a grant to come back to it; `takeover` |
+| `session/granted` | server | `session`, `epoch`, `peer`, `resumed`, `turnSeconds`, `iceServers`, `limits`, `terms` |
+| `session/queued` | server | `session`, `place` (1 is next), `minutes`, `reason` why a robot that nobody drives is not ready |
+| `session/turn` | server | `session`, `seconds` in which `session/take` gets the robot |
+| `session/refused` | server | `reason`, `session` |
+| `session/warning` | server | the turn ends in `remaining` seconds |
+| `session/idle` | server | are you there? within `seconds` send a `page/event` of type `here`; without `seconds`: it has heard you |
+| `session/task` | server | how far a study's task is |
+| `session/ended` | server | `session`, `outcome`, `reason` |
+| `session/leave` | program | ends the session; `session` and `peer` when it was left while there was no connection |
+| `session/observe`, `session/observing` | program, server | asks to watch; the answer, with `iceServers` |
+| `session/assist` | program | `level` of assistance |
+| `signal`, `signal/reply` | program, server | a Robot API signal, for WebRTC |
+| `page/event`, `page/network` | program | for the record: `stamp`, `type`, `data`; a second of the network |
+| `page/direct` | program | `direct`: the robot is heard over a data channel, most of it need not come here as well |
+| `room` | server | `driver`, `driving`, `observers`, `waiting` |
+| `robot` | server | `online`, `reason`: the robot came or went; with reason `server` it is the server that cannot tell |
+| `server/status` | server | once a second and at every change: `faults`, a list of `part`, `then`, `seconds`; see below |
+| `notice` | server | `text` of whoever operates the robot |
+| `denied` | server | a frame of `suffix` was refused for `reason` |
+| `screen` | server | for the robot's own display alone |
+
+Besides, the server passes on `state`, `pose`, `path`, `scan`, `event`, `action`, `heartbeat`, `words`, `pointer` and binary `picture` frames of
+the robot, and takes `command/velocity`, `command/heartbeat`, `command/action`, `command/picture` and `command/point`. What a program says of
+role, session, epoch or peer in them is replaced.
+
+**Driving.** Send `session/take`; on `session/granted` send all of these until `session/ended`:
+
+- `command/heartbeat` five times a second, ten times in the first three seconds: the robot takes no velocity before it has three echoes to judge
+  its age by (`clock_unknown`). `n` grows by one; `echo` is the robot's last heartbeat with `peer` = `robot`, its `n` and `stamp`, and
+  `received`, when it came by your clock.
+- `command/picture`, and again as soon as a picture has come, so that one is on its way. The first 8 bytes behind `picture` and the newline are
+  the capture stamp (float64, big-endian). Without a picture younger than the lease's `frameAge`, else the factsheet's, nothing moves
+  (`no_frame`, `frame_stale`).
+- `command/velocity` twenty times a second, zeros when nothing is wanted. `seq` grows by one and begins anew only with another session or epoch;
+  `stamp` is your clock's, `frame` the stamp of the newest picture. One that cannot be sent now is thrown away, never kept.
+
+**To be quick after a failure**, as quick as our page (3 to 7 s with what was killed started again after a second):
+
+1. *Reconnect at once* when the socket ends, then after 0.25 s, doubling up to 1 s and no further, each pause shortened by up to a half by
+   chance. A longer pause is what a program waits for when the server is long back. An attempt that has not opened in 2 s has failed.
+2. *Hear silence.* An open socket brings `server/status` once a second. After 1.5 s without any frame the web process or the network is gone: say
+   so. After 3 s give the socket up and connect again; a process that was stopped never closes it.
+3. *Take again as the same program*: on every new socket, at once and without waiting for `hello`, `session/take` with `session` and `peer` of
+   the last grant. The answer has `resumed` and the same epoch, and `seq` goes on. `denied` with `unavailable` (the database is away): ask again
+   after a second. With another epoch `seq` begins anew.
+4. *Ask for a picture again* when none has come for 0.7 s. A request that was on its way through a broker or an agent that died is lost, and
+   nobody repeats it; this is what a program waits for after a broker's restart. So ask at once when a socket opens, when `robot` says `online`,
+   and when `boot` in `state` changes.
+5. *Go on sending heartbeats and velocities* while the broker or the agent is away; nothing has to be begun anew. Send heartbeats ten times a
+   second for three seconds after the same three signs: a new agent knows nobody's clock.
+6. *Let go once* when `safety.inhibited` in `state` is `stopped`: a new agent in the middle of a drive, and a stop of somebody else, hold the
+   robot until its driver has sent a zero velocity. A program that only repeats its velocity never moves it again.
+7. *Believe `boot`*: `seq` of states begins anew with another `boot`; older ones of the same boot are repetitions.
+
+**What fails** stands in `server/status`: `part` is `broker`, `session_manager`, `database`, `disk_low`, `disk_full` or `robot` (its computer
+says nothing). `then` says what follows: `stops` in `seconds` unless the part is back before; `stopped`, until it is back; `goes_on`, driving is
+not touched; `waits`, nobody drives. All is well when `faults` is empty or left out.
+"""
+
 
 def reference() -> str:
     """Return the reference as Markdown."""
-    parts = [_INTRODUCTION.format(version=m.VERSION, root=topics.ROOT), _topic_table(), "## Messages\n"]
+    parts = [_INTRODUCTION.format(version=m.VERSION, root=topics.ROOT), _DRIVING, _topic_table(), "## Messages\n"]
     parts += [_topic_section(topic) for topic in (*topics.TABLE, *topics.DATA_CHANNEL_ONLY)]
     parts += ["## Parts\n", *(_class_section(kind, "###") for kind in _parts())]
     parts += ["## Between servers\n", _class_section(m.ServerNews, "###"), *(_example(name, news) for name, news in SERVER_NEWS.items())]
+    parts += [_class_section(m.ManagerStatus, "###"), *(_example(name, status) for name, status in MANAGER_STATUS.items())]
     return "\n".join(parts).rstrip() + "\n"
 
 
 def golden_files() -> dict[str, str]:
     """Return name → text of the golden files: one a topic, `{"suffix": …, "messages": {name: message}}`."""
-    named = {**EXAMPLES, "server/session/+": SERVER_NEWS}
+    named = {**EXAMPLES, "server/session/+": SERVER_NEWS, "server/manager": MANAGER_STATUS}
     return {_file_name(suffix): _json({"suffix": suffix, "messages": msgspec.to_builtins(examples)}) for suffix, examples in named.items()}
 
 
@@ -168,7 +242,7 @@ def _parts() -> list[type[m.Message]]:
     """Return the classes that stand inside messages and are no message of a topic themselves, in the order of the module."""
     carried = {kind for topic in (*topics.TABLE, *topics.DATA_CHANNEL_ONLY) for kind in classes(topic.content)}
     every = [kind for kind in vars(m).values() if inspect.isclass(kind) and issubclass(kind, m.Message)]
-    return [kind for kind in every if kind not in carried and kind not in {m.Message, m.Action, m.ServerNews}]
+    return [kind for kind in every if kind not in carried and kind not in {m.Message, m.Action, m.ServerNews, m.ManagerStatus}]
 
 
 def main() -> None:

@@ -13,7 +13,7 @@ DESCRIPTION = "Payloads by topic suffix; + stands for one word. Photos and pictu
 def json_schema() -> dict[str, Any]:
     """Return the whole schema: a definition a message, and under `topics` the one that each suffix carries."""
     lines = [topic for topic in (*topics.TABLE, *topics.DATA_CHANNEL_ONLY) if topic.content is not bytes]
-    kinds = [*(topic.content for topic in lines), messages.ServerNews]
+    kinds = [*(topic.content for topic in lines), messages.ServerNews, messages.ManagerStatus]
     shapes, definitions = msgspec.json.schema_components(kinds, ref_template="#/$defs/{name}")
     return {
         "$schema": DIALECT,

@@ -8,6 +8,8 @@ from robots.api import messages as m
 
 ROOT = "telepresence/v1"
 SERVER = f"{ROOT}/server"
+MANAGER_STATUS = f"{SERVER}/manager"
+PROBE = f"{SERVER}/probe"  # nobody listens: a web process asks the broker for its acknowledgement
 Direction = Literal["from_robot", "to_robot"]
 KIB = 1024
 

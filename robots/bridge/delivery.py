@@ -1,18 +1,23 @@
 """Who listens to which robot and which session, and the sorting of what arrives: no connection, no clock of its own."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import msgspec
 
 from robots.api import codec, picture, topics
 from robots.api.errors import Rejection
-from robots.api.messages import Lease, ServerNews
+from robots.api.messages import Lease, ManagerStatus, ServerNews
 from robots.bridge.known import KnownRobot
+from robots.bridge.server_watch import ServerWatch
 
 # Suffixes of letters that no robot wrote: the connection to the broker came (True) or went (False); news of a session.
-LINK, NEWS = "link", "news"
+# Of no robot either: which parts of the server fail, once a second and whenever that changes.
+LINK, NEWS, FAULTS = "link", "news", "faults"
+FAULTS_SECONDS = 1.0
+Decoded = TypeVar("Decoded")
 _news = msgspec.json.Decoder(ServerNews)
+_status = msgspec.json.Decoder(ManagerStatus)
 
 
 @dataclass(frozen=True)
@@ -36,6 +41,8 @@ class Delivery:
 
     def __init__(self) -> None:
         self.known: dict[str, KnownRobot] = {}
+        self.watch = ServerWatch()
+        self._told: dict[str, tuple[tuple[str, ...], float]] = {}  # robot: the faults that its listeners were told of, and when
         self._listeners: dict[str, set[Listener]] = {}
         self._followers: dict[str, set[Listener]] = {}
 
@@ -61,6 +68,7 @@ class Delivery:
             return False
         del self._listeners[robot]
         self.known.pop(robot, None)
+        self._told.pop(robot, None)
         return True
 
     def follow(self, session: str, listener: Listener) -> None:
@@ -81,7 +89,10 @@ class Delivery:
             Rejection: it is not what its topic promises.
         """
         if topic.startswith(topics.session_news("")):
-            self.bring_news(_decode_news(payload))
+            self.bring_news(_decoded(_news, payload))
+            return
+        if topic == topics.MANAGER_STATUS:
+            self.watch.heard(_decoded(_status, payload), now)
             return
         parsed = topics.parse(topic)
         if parsed is None or (known := self.known.get(parsed[0])) is None:
@@ -114,14 +125,23 @@ class Delivery:
         for robot in self.robots:
             self.bring(robot, letter)
 
+    def bring_faults(self, now: float) -> None:
+        """Bring everybody what fails now, when that has changed or was said a second ago: who hears nothing at all has lost this process."""
+        for robot, known in self.known.items():
+            faults = self.watch.faults(known, now)
+            told, at = self._told.get(robot, (None, float("-inf")))
+            if faults != told or now - at >= FAULTS_SECONDS:
+                self._told[robot] = faults, now
+                self.bring(robot, Letter(FAULTS, faults))
+
     def bring_news(self, news: ServerNews) -> None:
         """Bring news to everybody who follows their session."""
         for follower in tuple(self._followers.get(news.session, ())):
             follower.hear(Letter(NEWS, news))
 
 
-def _decode_news(payload: bytes) -> ServerNews:
+def _decoded(decoder: "msgspec.json.Decoder[Decoded]", payload: bytes) -> Decoded:
     try:
-        return _news.decode(payload)
+        return decoder.decode(payload)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise Rejection("malformed", f"news: {error}") from error
+        raise Rejection("malformed", f"of a server: {error}") from error

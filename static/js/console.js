@@ -139,7 +139,9 @@ const socket = new Socket({
   onOpen: () => {
     performance.mark("drive:socket");
     carrier.direct = false;
-    rounds.expectHeartbeats();
+    rounds.heardServer();
+    slow.hurry();
+    store.update({ faults: [] });
     dispatch({ type: "socket_open" });
   },
   onLost: (code) => dispatch({ type: "socket_closed", code }),
@@ -182,6 +184,9 @@ const carrier = new Carrier({ socket, link, pulse, commands });
 const receive = (frame, way) => {
   try {
     const { suffix, message } = decodeFrame(frame);
+    if (way === "mqtt") {
+      rounds.heardServer();
+    }
     if (way === "mqtt" || ON_DATA_CHANNEL.has(suffix)) {
       take(suffix, message, way);
     }
@@ -250,11 +255,15 @@ const HANDLERS = {
     store.update({ factsheet: message });
   },
   robot: (message) => {
-    rounds.expectHeartbeats();
+    slow.hurry();
     dispatch({ type: "robot", message });
   },
   room: (message) => store.update({ room: message }),
   "session/task": (message) => study.told(message),
+  "server/status": ({ faults }) => {
+    const now = unixNow();
+    store.update({ faults: faults.map(({ part, then, seconds }) => ({ part, then, at: seconds === null ? null : now + seconds })) });
+  },
   notice: (message) => store.update({ notice: message.text }),
   "signal/reply": (message) => {
     dispatch({ type: "signal/reply", message });

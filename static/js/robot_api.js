@@ -274,6 +274,22 @@ const TO_PAGE = {
   ],
   robot: [2 * KIB, object({ online: flag, reason: optional(reason, "") })],
   notice: [2 * KIB, object({ text: reason })],
+  "server/status": [
+    2 * KIB,
+    object({
+      faults: optional(
+        list(
+          object({
+            part: oneOf("broker", "session_manager", "database", "disk_low", "disk_full", "robot"),
+            then: oneOf("waits", "stops", "stopped", "goes_on"),
+            seconds: absent(seconds),
+          }),
+          8,
+        ),
+        [],
+      ),
+    }),
+  ],
   denied: [2 * KIB, object({ suffix: name, reason: name })],
 };
 

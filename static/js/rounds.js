@@ -9,7 +9,8 @@ import { createNetworkReport } from "./connection/network_report.js";
 import { awaitsAnswer, isSigning, roleOf } from "./connection/session.js";
 import { unixNow } from "./lib/clock.js";
 
-const SOCKET_SILENCE = 3; // s without the robot's heartbeat on a WebSocket that should bring it
+const SERVER_SILENCE = 1.5; // s without any word on a WebSocket, which brings one a second, after which the visitor is told
+const SOCKET_SILENCE = 3; // and after which another one is opened
 const ANSWER_PATIENCE = 3; // s until a question that the server has not answered is asked again
 const HURRY = 1.5; // s after a grant in which heartbeats come twice as often
 const TROUBLE_PATIENCE = 6; // s without a way to server or robot until the page looks why
@@ -40,7 +41,7 @@ export const createRounds = (page) => {
   const network = createNetworkReport({ store, socket, link, slow, frameAge });
   const aging = new Aging();
   let [beatAt, secondAt, askedSince, hurryUntil] = [0, 0, 0, 0];
-  let heartbeatsSince = Infinity; // since when the robot's heartbeat ought to come through the WebSocket
+  let serverAt = Infinity; // when the server last said anything
   let troubledSince = 0; // 0: all is well
 
   const tick = () => {
@@ -73,9 +74,9 @@ export const createRounds = (page) => {
     if (commands.pending && !roleOf(visit) && now - commands.pending.since > STOP_PATIENCE) {
       commands.giveUp();
     }
-    // A WebSocket may die without a word; while the robot is there its heartbeat must come through.
-    const silence = Math.min(pulse.silence("mqtt", now), now - heartbeatsSince);
-    if (roleOf(visit) && visit.online && socket.isOpen && silence > SOCKET_SILENCE) {
+    // A WebSocket may die without a word, and so may the process at its other end.
+    const silence = socket.isOpen ? now - serverAt : 0;
+    if (roleOf(visit) && silence > SOCKET_SILENCE) {
       socket.redial();
     }
     const way = carrier.way(now);
@@ -85,6 +86,7 @@ export const createRounds = (page) => {
       way,
       roundTrip: visit.phase === "driving" ? pulse.roundTrip(way) : null,
       frameAge: frameAge(now),
+      serverSilent: silence > SERVER_SILENCE,
       stopping: commands.pending !== null,
       stopUnconfirmed: commands.isUnconfirmed(now),
     });
@@ -162,9 +164,9 @@ export const createRounds = (page) => {
     hurry: () => {
       hurryUntil = unixNow() + HURRY;
     },
-    /** From now on the WebSocket ought to bring the robot's heartbeat. */
-    expectHeartbeats: () => {
-      heartbeatsSince = unixNow();
+    /** The server said something, or a new way to it is open: it will. */
+    heardServer: () => {
+      serverAt = unixNow();
     },
     linkBegins: network.begin,
   };

@@ -10,6 +10,10 @@ export const newState = () => ({
   visit: newVisit(),
   /** who else is here; `driver` is null when nobody drives */
   room: { driver: /** @type {string | null} */ (null), driving: false, observers: 0, waiting: 0 },
+  /** what fails, as the server says: sessions/wire.py Fault; `at` is the Unix time until which the robot still drives */
+  faults: /** @type {{part: string, then: "waits" | "stops" | "stopped" | "goes_on", at: number | null}[]} */ ([]),
+  /** whether a WebSocket that is open brings nothing any more */
+  serverSilent: false,
   /** the robot's last state, null before the first; robots.api.messages.State */
   robot: /** @type {any} */ (null),
   /** the robot's factsheet, null while unknown; robots.api.messages.Factsheet */

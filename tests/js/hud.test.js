@@ -125,6 +125,59 @@ describe("alerts", () => {
     assert.equal(alertFor(state({ phase: "driving", link: "lost", online: false, serverBlind: true })).word, "alert.server");
   });
 
+  const PARTS = ["broker", "session_manager", "database"];
+  const fault = (part, then, at = null) => ({ faults: [{ part, then, at }], now: 100, robot: ROBOT });
+  const driving = (more, visit = {}) => alertFor(state({ phase: "driving", link: "live", ...visit }, more));
+
+  test("every part that fails has words for what follows, whoever looks", () => {
+    for (const phase of ["driving", "watching", "queued", "turn", "taking"]) {
+      for (const part of PARTS) {
+        for (const [then, at] of [["waits", null], ["stops", 105], ["stopped", null]]) {
+          const said = alertFor(state({ phase, link: phase === "driving" ? "live" : "none" }, fault(part, then, at)));
+          assert.ok(said?.word.startsWith(`fault.${part}.`) && SENTENCES.has(said.word), `${phase} ${part} ${then}: ${said?.word}`);
+        }
+      }
+    }
+    for (const word of ["fault.disk_low", "fault.disk_full", "fault.robot.stopped", "fault.robot.waits"]) {
+      assert.ok(SENTENCES.has(word), word);
+    }
+  });
+
+  test("the seconds until the robot stops are counted down, and then it has stopped", () => {
+    const stops = fault("session_manager", "stops", 107.2);
+    assert.deepEqual(driving(stops), { word: "fault.session_manager.stops", tone: "danger", values: { seconds: 8 } });
+    assert.equal(driving({ ...stops, now: 108 }).word, "fault.session_manager.stopped");
+    assert.equal(driving({ ...stops, faults: [] }), null);
+  });
+
+  test("without a direct way to the robot it stops with the broker, and not seconds later", () => {
+    const stops = fault("broker", "stops", 107);
+    assert.equal(driving(stops, { online: false }).word, "fault.broker.stops");
+    assert.equal(driving(stops, { online: false, link: "lost" }).word, "fault.broker.stopped");
+  });
+
+  test("a robot that the server does not hear is no matter while it talks to the page", () => {
+    assert.equal(driving(fault("robot", "stopped")), null);
+    assert.equal(driving(fault("robot", "stopped"), { link: "lost" }).word, "fault.robot.stopped");
+  });
+
+  test("a server that says nothing any more is out of reach, and what it said last is not repeated", () => {
+    const silent = { ...fault("session_manager", "stops", 107), serverSilent: true };
+    assert.equal(driving(silent).word, "alert.server_only");
+    assert.equal(driving(silent, { link: "lost" }).word, "alert.server_driver");
+    assert.equal(driving({ ...silent, serverSilent: false }, { link: "lost", socket: "lost" }).word, "alert.server_driver");
+    assert.equal(alertFor(state({ phase: "queued" }, { serverSilent: true })).word, "alert.server");
+  });
+
+  test("an e-stop is said before a part of the server, and a full disk after what keeps the robot from moving", () => {
+    const estop = { robot: { safety: { ...ROBOT.safety, estop: true } } };
+    assert.equal(driving({ ...fault("database", "stops", 107), ...estop }).word, "alert.estop");
+    const disk = fault("disk_full", "goes_on");
+    assert.deepEqual(driving(disk), { word: "fault.disk_full", tone: "busy" });
+    assert.equal(driving({ ...disk, ...estop }).word, "alert.estop");
+    assert.equal(driving({ ...disk, faults: [...disk.faults, { part: "database", then: "stops", at: 107 }] }).word, "fault.database.stops");
+  });
+
   test("the end of the turn is counted in minutes and seconds", () => {
     const one = state({ phase: "driving", link: "live", turnEnds: 175 }, { now: 100, robot: ROBOT });
     assert.deepEqual(alertFor(one).values, { time: "1:15" });

@@ -41,6 +41,20 @@ test("nothing is asked for before it is needed, and then one picture", () => {
   assert.deepEqual(seen.asked, [{ stamp: 2, seen: undefined, roundTrip: 0.03 }]);
 });
 
+test("a picture that was lost with a broker or an agent is asked for as soon as the robot is back", () => {
+  const { slow, seen } = rig();
+  slow.start();
+  for (let now = 2; now < 12; now += 0.05) {
+    slow.tick(now, LOOKED_AT); // and by now rarely
+  }
+  const before = seen.asked.length;
+  slow.hurry();
+  slow.tick(12.05, LOOKED_AT);
+  assert.equal(seen.asked.length, before + 1);
+  slow.tick(13.6, LOOKED_AT);
+  assert.equal(seen.asked.length, before + 2, "and after the usual patience again");
+});
+
 test("the next picture is asked for when the one before is on the screen, and names it", async () => {
   const { slow, seen } = rig();
   slow.start();

@@ -14,6 +14,7 @@ import mimetypes
 import secrets
 import threading
 import time
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any, Self
 from urllib.parse import urlsplit
@@ -48,7 +49,7 @@ STEP = "/study/step/"  # where a study goes on
 PRACTICE = "/practice/robot/"
 TICK = 0.02
 SUFFIXES = {m.VelocityCommand: "command/velocity", m.CommandHeartbeat: "command/heartbeat", m.PointCommand: "command/point"}
-RENEWAL = 500  # ticks
+RENEWAL, STATUS = 500, 50  # ticks
 FPS = 6.0  # of the robot's camera: what a computer without a graphics card plays beside other tests
 POLICY = "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; media-src 'self' blob:; connect-src 'self'; object-src 'none'"
 
@@ -86,6 +87,8 @@ class FakeRobotPage:
         self.may_drive = True
         self.muted = False  # the robot's voice on data channels
         self.deaf_to_channel = False
+        self.stopped = False  # the web process, which keeps its sockets and says nothing
+        self.faults: tuple[wire.Fault, ...] = ()  # what it says that fails
         self.closed_to_sockets = False
         self.answers = threading.Event()  # cleared: the robot's answers wait
         self.answers.set()
@@ -203,7 +206,7 @@ class FakeRobotPage:
                 await connection.send(word)
             return
         self._count += 1
-        page = _Page(connection, f"p{secrets.token_hex(4)}", self._count)
+        page = _Page(connection, f"p{secrets.token_hex(4)}", self._count, lambda: self.stopped)
         self._pages[page.peer] = page
         page.say("hello", wire.Hello(peer=page.peer, stamp=time.time(), robot=ROBOT, online=self.online, may_drive=self.may_drive, may_observe=True))
         self._tell_room()
@@ -349,6 +352,8 @@ class FakeRobotPage:
                 self._say("pose", m.PoseUpdate(stamp=time.time(), pose=self._pose(), velocity=self._velocity(), tilt=self.simulation.tilt))
             if tick % 15 == 0 and self.online:
                 self._say("scan", self._scan())
+            if tick % STATUS == 0:
+                self._tell("server/status", wire.ServerStatus(faults=self.faults))
             if tick % RENEWAL == 0 and self._lease is not None:
                 self._lease = msgspec.structs.replace(self._lease, renewal=self._lease.renewal + 1, stamp=time.time())
                 self.kernel.take_lease(self._lease, retained=False, now=now)
@@ -401,8 +406,8 @@ class FakeRobotPage:
 class _Page:
     """One WebSocket."""
 
-    def __init__(self, connection: ServerConnection, peer: str, number: int) -> None:
-        self.connection, self.peer, self.number = connection, peer, number
+    def __init__(self, connection: ServerConnection, peer: str, number: int, is_stopped: Callable[[], bool]) -> None:
+        self.connection, self.peer, self.number, self.is_stopped = connection, peer, number, is_stopped
         self.watches = False
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -410,6 +415,8 @@ class _Page:
         self.show(wire.encode_frame(suffix, message))
 
     def show(self, frame: str | bytes) -> None:
+        if self.is_stopped():
+            return
         task = asyncio.ensure_future(self._send(frame))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)

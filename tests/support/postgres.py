@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import psutil
+
 from tests.support.site import free_port
 
 OWNER = "postgres"
@@ -42,6 +44,20 @@ class Postgres:
     def stop(self) -> None:
         """End it as a crash does: without asking its clients."""
         _run(program("pg_ctl"), "-D", self.data, "-m", "immediate", "-w", "stop", cwd=self.directory)
+
+    def hold(self) -> None:
+        """Stop every process of it, which keeps all connections."""
+        for process in self._processes():
+            process.suspend()
+
+    def go_on(self) -> None:
+        """Let them go on."""
+        for process in self._processes():
+            process.resume()
+
+    def _processes(self) -> list[psutil.Process]:
+        postmaster = psutil.Process(int((self.directory / "data" / "postmaster.pid").read_text().split()[0]))
+        return [postmaster, *postmaster.children(recursive=True)]
 
 
 def program(name: str) -> str:

@@ -22,16 +22,41 @@ export const alertFor = (state) => {
     return { word: "alert.stop_unconfirmed", tone: "danger" };
   }
   if (!roleOf(visit)) {
-    return visit.socket === "lost" && visit.phase !== "lobby" && visit.phase !== "closed" ? { word: "alert.server", tone: "busy" } : null;
+    const asks = visit.phase !== "lobby" && visit.phase !== "closed";
+    const lost = visit.socket === "lost" || state.serverSilent;
+    return !asks ? null : lost ? { word: "alert.server", tone: "busy" } : ["taking", "queued", "turn"].includes(visit.phase) ? faultAlert(state) : null;
   }
-  return robotAlert(state) ?? linkAlert(state) ?? (robot ? helpAlert(state) ?? quietAlert(state) : null);
+  return robotAlert(state) ?? faultAlert(state) ?? linkAlert(state) ?? (robot ? helpAlert(state) ?? diskAlert(state) ?? quietAlert(state) : null);
+};
+
+/**
+ * A part of the server, or the robot's computer, that does not do its work: which one, and what that means for who drives. Without a way
+ * to the server what it last said may be over, and is not said.
+ * @param {import("../state.js").State} state @returns {ReturnType<typeof alertFor>}
+ */
+const faultAlert = ({ visit, faults, serverSilent, now }) => {
+  const fault = faults.find(({ part, then }) => then !== "goes_on" && (part !== "robot" || visit.link !== "live"));
+  if (!fault || visit.socket === "lost" || serverSilent) {
+    return null;
+  }
+  // What goes through the broker stops with it; what goes straight to the robot lives as long as the lease.
+  const left = fault.at === null || (fault.part === "broker" && visit.link !== "live") ? 0 : Math.ceil(fault.at - now);
+  const then = fault.then === "stops" && left <= 0 ? "stopped" : fault.then;
+  return { word: `fault.${fault.part}.${then}`, tone: then === "waits" ? "busy" : "danger", values: { seconds: left } };
 };
 
 /** @param {import("../state.js").State} state @returns {ReturnType<typeof alertFor>} */
-const robotAlert = ({ visit, robot }) => {
+const diskAlert = ({ faults }) => {
+  const fault = faults.find(({ then }) => then === "goes_on");
+  return fault ? { word: `fault.${fault.part}`, tone: "busy" } : null;
+};
+
+/** @param {import("../state.js").State} state @returns {ReturnType<typeof alertFor>} */
+const robotAlert = (state) => {
+  const { visit, robot } = state;
   // While the robot itself talks to the page it is there, whatever the server believes.
   if (!visit.online && visit.link !== "live") {
-    return visit.serverBlind ? { word: "alert.server", tone: "busy" } : { word: "alert.robot_offline", tone: "danger" };
+    return faultAlert(state) ?? (visit.serverBlind ? { word: "alert.server", tone: "busy" } : { word: "alert.robot_offline", tone: "danger" });
   }
   if (robot?.safety.estop) {
     return { word: "alert.estop", tone: "danger" };
@@ -43,7 +68,11 @@ const robotAlert = ({ visit, robot }) => {
 };
 
 /** @param {import("../state.js").State} state @returns {ReturnType<typeof alertFor>} */
-const linkAlert = ({ visit, robot, roundTrip, slow, playing, stuck }) => {
+const linkAlert = ({ visit, robot, roundTrip, slow, playing, stuck, serverSilent }) => {
+  const cutOff = visit.socket === "lost" || serverSilent;
+  if (cutOff && visit.link !== "live" && visit.phase === "driving") {
+    return { word: "alert.server_driver", tone: "danger" };
+  }
   if (visit.link === "lost" && !(slow && playing)) {
     return { word: visit.phase === "driving" ? "alert.link_driver" : "alert.link_observer", tone: "busy" };
   }
@@ -53,7 +82,7 @@ const linkAlert = ({ visit, robot, roundTrip, slow, playing, stuck }) => {
   if (stuck) {
     return null;
   }
-  if (visit.socket === "lost" || !visit.online) {
+  if (cutOff || !visit.online) {
     return { word: visit.link === "live" ? "alert.server_only" : "alert.server", tone: "busy" };
   }
   return visit.phase === "driving" && roundTrip !== null && roundTrip > SLOW_SECONDS ? { word: "alert.slow", tone: "busy" } : null;

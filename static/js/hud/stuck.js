@@ -59,5 +59,6 @@ const robotSays = ({ safety, refused, errors }) => {
   if (most) {
     return { word: `stuck.${REFUSALS[most[0]]}` };
   }
-  return errors?.length ? { word: "stuck.error", values: { error: errors[0] } } : null;
+  const error = errors?.find((/** @type {string} */ one) => !one.startsWith("disk_")); // a disk that fills up moves nothing and stops nothing
+  return error ? { word: "stuck.error", values: { error } } : null;
 };

@@ -74,6 +74,12 @@ export class SlowPicture {
     }
   }
 
+  /** The way to the robot is back: what was asked for is lost, and asked for again at the next tick. */
+  hurry() {
+    this.askedAt = -Infinity;
+    this.patience = PATIENCE_SECONDS;
+  }
+
   /** Whether the picture on the screen is of the present. @param {number} now */
   isFresh(now) {
     return this.on && now - this.shownAt < FRESH_SECONDS;

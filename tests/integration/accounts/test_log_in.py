@@ -66,8 +66,43 @@ def test_guessing_is_stopped_even_when_the_sixth_guess_is_right(client):
     person()
     for _ in range(5):
         log_in(client, "ada", "wrong")
-    assert log_in(client, "ada").status_code == 200
+    refused = log_in(client, "ada")
+    assert (refused.status_code, refused["Retry-After"]) == (429, "300")
     assert not signed_in(client)
+    page = read(refused)
+    assert any("Too many failed login attempts" in e.text for e in page.elements if e.attributes.get("role") == "alert")
+    assert faults(page) == []
+
+
+def test_who_logs_in_after_a_few_wrong_guesses_is_answered_as_ever(client):
+    person()
+    assert [log_in(client, "ada", "wrong").status_code for _ in range(4)] == [200] * 4
+    assert log_in(client, "ada").status_code == 302
+
+
+def test_a_script_that_guesses_reads_the_same_code(client):
+    person()
+    codes = [
+        client.post(reverse("account_login"), {"login": "ada", "password": "wrong"}, headers={"x-requested-with": "XMLHttpRequest"}).status_code
+        for _ in range(6)
+    ]
+    assert codes == [400] * 5 + [429]
+
+
+def test_wrong_passwords_of_somebody_who_is_signed_in_are_counted_alike(client):
+    client.force_login(person())
+    url = reverse("account_reauthenticate")
+    codes = [client.post(url, {"password": "wrong"}).status_code for _ in range(6)]
+    assert codes[:5] == [200] * 5
+    assert codes[5] == 429
+
+
+@pytest.mark.parametrize(("name", "data", "limit"), [("account_reset_password", {"email": "ada@example.org"}, 5), ("account_login", {}, 30)])
+def test_every_door_of_accounts_says_when_to_come_again(client, name, data, limit):
+    answers = [client.post(reverse(name), data) for _ in range(limit + 1)]
+    assert 429 not in {answer.status_code for answer in answers[:limit]}
+    assert (answers[limit].status_code, answers[limit]["Retry-After"]) == (429, "60")
+    assert "A little slower" in read(answers[limit]).text
 
 
 def test_a_session_ends_with_the_browser_unless_the_visitor_wants_to_stay(client):

@@ -35,7 +35,7 @@ def test_the_third_of_two_is_told_to_wait_and_for_how_long(rf):
     view = view_of(json=True)
     answers = [asking(rf, view) for _ in range(3)]
     assert [answer.status_code for answer in answers] == [200, 200, 429]
-    assert answers[2]["Retry-After"] == "60"
+    assert 60 <= int(answers[2]["Retry-After"]) <= 66
     assert b"too_many_attempts" in answers[2].content
 
 
@@ -67,7 +67,7 @@ def test_every_door_that_could_be_tried_without_end_has_a_limit(client, name, ar
     assert 429 not in codes[:limit]
     assert codes[limit] == 429
     page = client.get(address) if data is None else client.post(address, data)
-    assert page["Retry-After"] == "60"
+    assert 60 <= int(page["Retry-After"]) <= 66
 
 
 def test_a_person_sees_a_page_and_not_a_word_of_json(client):

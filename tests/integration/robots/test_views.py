@@ -73,7 +73,7 @@ def test_whoever_keeps_guessing_waits_and_others_do_not(client, key, monkeypatch
         assert ask(client, "giraff", "wrong").status_code == 401
     response = ask(client, "giraff", key.token)
     assert response.status_code == 429
-    assert response["Retry-After"] == "60"
+    assert int(response["Retry-After"]) >= 60
     assert ask(client, "giraff", key.token, REMOTE_ADDR="192.0.2.7").status_code == 200
 
 

@@ -102,7 +102,9 @@ def test_a_wrong_key_opens_nothing_not_even_what_is_open(giraff, header, monkeyp
     monkeypatch.setattr("sessions.api_views.time.time", lambda: 1e9)  # all within one minute
     for _ in range(20):
         assert Client().get("/api/v1/robots/", headers={"authorization": header}).status_code == 401
-    assert Client().get("/api/v1/robots/", headers={"authorization": header}).status_code == 429
+    refused = Client().get("/api/v1/robots/", headers={"authorization": header})
+    assert (refused.status_code, refused.json()["error"]) == (429, "too_many_attempts")
+    assert 60 <= int(refused["Retry-After"]) <= 66
 
 
 def test_a_revoked_key_and_that_of_a_disabled_robot_are_worthless(giraff, bearer):

@@ -120,14 +120,14 @@ def bridge():
 
 async def test_a_well_server_says_so_to_anybody(bridge):
     response = await AsyncClient().get("/healthz")
-    assert (response.status_code, response.json()) == (200, {"database": True, "broker": True})
+    assert (response.status_code, response.json()) == (200, {"database": True, "broker": True, "disk": "ok"})
 
 
 async def test_a_server_without_its_broker_or_database_says_which(bridge, monkeypatch):
     bridge.connected = False
     monkeypatch.setattr(views, "_database_answers", lambda: False)
     response = await AsyncClient().get("/healthz")
-    assert (response.status_code, response.json()) == (503, {"database": False, "broker": False})
+    assert (response.status_code, response.json()) == (503, {"database": False, "broker": False, "disk": "ok"})
 
 
 def test_a_database_that_does_not_answer_is_no_exception(monkeypatch):

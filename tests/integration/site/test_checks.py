@@ -34,9 +34,10 @@ def found_by(check):
     return [message.id for message in check()]
 
 
-def check_deploy(tmp_path, **changed):
+def check_deploy(tmp_path, *, folder=0o700, **changed):
     kept = {name: value for name, value in os.environ.items() if name in {"PATH", "HOME", "LANG", "VIRTUAL_ENV"}}
-    (tmp_path / "var" / "static").mkdir(parents=True)
+    (tmp_path / "var").mkdir(mode=folder)
+    (tmp_path / "var" / "static").mkdir()
     environment = kept | PRODUCTION | {"VAR_DIR": str(tmp_path / "var"), "DJANGO_SETTINGS_MODULE": "telepresence_site.settings"} | changed
     return subprocess.run(
         [sys.executable, "manage.py", "check", "--deploy", "--fail-level", "WARNING"],
@@ -52,16 +53,23 @@ def test_a_sensible_server_passes_the_deployment_check_without_a_word(tmp_path):
 
 def test_a_careless_server_is_told_everything_that_is_wrong(tmp_path):
     result = check_deploy(
-        tmp_path, SECRET_KEY="", REDIS_URL="", HTTP_ONLY="1", MQTT_PUBLIC_URL="mqtt://{host}:1883", EMAIL_HOST="", DEMO_TOKEN="x", BEHIND_TLS_PROXY=""
-    )
+        tmp_path, SECRET_KEY="", REDIS_URL="", HTTP_ONLY="1", MQTT_PUBLIC_URL="mqtt://{host}:1883", EMAIL_HOST="", DEMO_TOKEN="x", BEHIND_TLS_PROXY="",
+        folder=0o755,
+    )  # fmt: skip
     assert result.returncode != 0
-    for identifier in ("W001", "W002", "W003", "W004", "W005", "W006"):
+    for identifier in ("W001", "W002", "W003", "W004", "W005", "W006", "W009"):
         assert f"telepresence.{identifier}" in result.stderr
     assert "security.W012" in result.stderr  # Django's own word about cookies over plain http
 
 
 def test_the_tests_own_settings_pass_every_check():
     assert [message for message in run_checks() if message.id.startswith("telepresence.")] == []
+
+
+def test_a_disk_without_much_room_is_told_when_a_command_starts(settings):
+    assert found_by(checks.check_disk) == []
+    settings.DISK_LOW_MB = 1e9
+    assert found_by(checks.check_disk) == ["telepresence.W010"]
 
 
 @pytest.mark.parametrize("url", ["localhost:1883", "http://broker", "mqtt://", "mqtt://broker:port", "mqtt://broker:99999"])

@@ -1,6 +1,7 @@
 """/readyz tells which part is missing, to anybody, in words that are nobody's secret."""
 
 import datetime
+from types import SimpleNamespace
 
 import pytest
 from channels.layers import get_channel_layer
@@ -9,6 +10,7 @@ from django.test import AsyncClient
 from django.utils import timezone
 
 from robots import mqtt_bridge
+from robots.api import disk_space
 from sessions.manager_beat import NAME, beat
 from sessions.models import ManagerBeat
 from telepresence_site.health import BEHIND, manager_state
@@ -33,7 +35,7 @@ async def ask():
 
 async def test_a_server_with_all_its_parts_is_ready(bridge):
     await ManagerBeat.objects.acreate(name=NAME, holder="here:1", beat_at=timezone.now(), report=WELL)
-    ok = dict.fromkeys(("database", "broker", "channel_layer", "session_manager"), "ok")
+    ok = dict.fromkeys(("database", "broker", "channel_layer", "session_manager", "disk"), "ok")
     assert await ask() == (200, {"ready": True, **ok})
 
 
@@ -41,7 +43,7 @@ async def test_without_session_manager_and_broker_it_is_not_and_says_so(bridge):
     bridge.connected = False
     status, answer = await ask()
     assert status == 503
-    assert answer == {"ready": False, "database": "ok", "broker": "away", "channel_layer": "ok", "session_manager": "none"}
+    assert answer == {"ready": False, "database": "ok", "broker": "away", "channel_layer": "ok", "session_manager": "none", "disk": "ok"}
 
 
 async def test_a_database_that_is_away_is_a_word_and_no_failure(bridge, monkeypatch):
@@ -52,6 +54,16 @@ async def test_a_database_that_is_away_is_a_word_and_no_failure(bridge, monkeypa
     status, answer = await ask()
     assert (status, answer["database"], answer["session_manager"]) == (503, "away", "unknown")
     assert "hunter2" not in str(answer)
+
+
+@pytest.mark.parametrize(("free", "status", "word"), [(499, 200, "low"), (1, 503, "full")])
+async def test_a_disk_is_named_before_it_is_full_and_turns_people_away_only_then(bridge, monkeypatch, free, status, word):
+    await ManagerBeat.objects.acreate(name=NAME, holder="here:1", beat_at=timezone.now(), report=WELL)
+    monkeypatch.setattr(disk_space.shutil, "disk_usage", lambda _: SimpleNamespace(free=free * disk_space.MIB))
+    code, answer = await ask()
+    assert (code, answer["ready"], answer["disk"]) == (status, status == 200, word)
+    response = await AsyncClient().get("/healthz")
+    assert (response.status_code, response.json()["disk"]) == (200, word)
 
 
 @pytest.mark.parametrize("error", [OSError("gone"), TimeoutError()])

@@ -1,5 +1,8 @@
 """The words of the WebSocket beside the Robot API."""
 
+import typing
+from pathlib import Path
+
 import msgspec
 import pytest
 
@@ -8,12 +11,26 @@ from robots.api.errors import Rejection
 from sessions import wire
 from sessions.models import Session
 from sessions.turns import Refused
+from tests.support.paths import ROOT
 
 
 def test_no_suffix_of_the_page_is_one_of_the_robot_api():
     # `signal/reply` looks like the signal of a peer called reply; peers are called by the server, in random letters.
     ours = {*wire.TO_SERVER, *wire.TO_PAGE, wire.SIGNAL} - {"signal/reply"}
     assert all(topics.find(suffix) is None for suffix in ours)
+
+
+def test_the_reference_names_every_suffix_and_close_code_that_a_program_may_meet():
+    section = (
+        Path(ROOT / "docs/reference/robot-api.md").read_text(encoding="utf-8").partition("## A program that drives")[2].partition("## Topics")[0]
+    )
+    table = "".join(line for line in section.splitlines() if line.startswith("|"))
+    assert [suffix for suffix in {*wire.TO_PAGE, *wire.TO_SERVER, wire.SIGNAL} if f"`{suffix}`" not in table] == []
+    assert [suffix for suffix in (*topics.FROM_PAGE, *topics.TO_PAGE) if suffix != "media" and f"`{suffix}`" not in section] == []
+    codes = (wire.SIGNED_OUT, wire.NOT_ALLOWED, wire.NO_SUCH_ROBOT, wire.FLOODED, wire.TOO_SLOW, wire.REPLACED)
+    assert [code for code in codes if str(code) not in section] == []
+    words = [typing.get_args(typing.get_type_hints(wire.Fault)[name]) for name in ("part", "then")]
+    assert [word for kind in words for word in kind if f"`{word}`" not in section] == []
 
 
 def test_a_page_report_keeps_the_pages_own_words():

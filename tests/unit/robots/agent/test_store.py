@@ -1,8 +1,12 @@
 """What survives a restart of the agent."""
 
+from types import SimpleNamespace
+
 from robots.agent.latch import Latch
 from robots.agent.lease import Remembered
 from robots.agent.store import Store
+from robots.api import disk_space
+from robots.api.disk_space import MIB
 
 
 def test_a_latch_comes_back_as_it_was_and_is_gone_when_it_was_opened(tmp_path):
@@ -37,3 +41,15 @@ def test_a_write_that_was_interrupted_leaves_the_old_file(tmp_path):
     store.keep_latch(Latch("driver", 1.0))
     (tmp_path / "estop.new").write_text('{"sour')
     assert store.latch() == Latch("driver", 1.0)
+
+
+def test_a_disk_that_fills_up_is_told_before_it_is_full(tmp_path, monkeypatch):
+    store, free = Store(tmp_path / "giraff"), 500 * MIB
+    monkeypatch.setattr(disk_space.shutil, "disk_usage", lambda _: SimpleNamespace(free=free))
+    assert store.shortage() == ()  # no folder yet, so nothing is kept
+    store.prepare()
+    assert store.shortage() == ()
+    free = 150 * MIB
+    assert store.shortage() == ("disk_low: 150 MB are free on the robot's computer",)
+    free = MIB
+    assert store.shortage() == ("disk_full: 1 MB are free on the robot's computer",)

@@ -8,7 +8,7 @@ import pytest
 
 from robots.api import codec, messages, topics
 from robots.api.errors import Rejection
-from robots.api.examples import EXAMPLES, SERVER_NEWS
+from robots.api.examples import EXAMPLES, MANAGER_STATUS, SERVER_NEWS
 from robots.api.reference import golden_files
 from sessions import wire
 from tests.support.paths import GOLDEN
@@ -42,14 +42,14 @@ def test_a_golden_message_read_from_its_file_is_the_example(suffix, name):
 def test_every_topic_and_every_message_class_has_an_example():
     lines = [*topics.TABLE, *topics.DATA_CHANNEL_ONLY]
     assert {line.suffix for line in lines if line.content is not bytes} == set(EXAMPLES)
-    shown = {type(message) for examples in EXAMPLES.values() for message in examples.values()} | {type(news) for news in SERVER_NEWS.values()}
+    shown = {type(message) for examples in (*EXAMPLES.values(), SERVER_NEWS, MANAGER_STATUS) for message in examples.values()}
     inside = {type(value) for message in all_examples() for value in parts(message)}
     every = {kind for _, kind in inspect.getmembers(messages, inspect.isclass) if issubclass(kind, messages.Message)}
     assert every - {messages.Message, messages.Action} <= shown | inside
 
 
 def all_examples():
-    return [message for examples in [*EXAMPLES.values(), SERVER_NEWS] for message in examples.values()]
+    return [message for examples in [*EXAMPLES.values(), SERVER_NEWS, MANAGER_STATUS] for message in examples.values()]
 
 
 def parts(value):

@@ -1,0 +1,33 @@
+"""How much room is left for what a server or a robot writes: the same at both ends."""
+
+import shutil
+from pathlib import Path
+from typing import Literal
+
+MIB = 1024 * 1024
+FULL_MB = 2  # below, a database cannot be sure to write what it was asked to
+DiskState = Literal["ok", "low", "full"]
+
+
+class DiskSpace:
+    """The file system of a folder.
+
+    Args:
+        folder: any folder on it.
+        low_mb: free megabytes (MiB) below which somebody is told.
+    """
+
+    def __init__(self, folder: Path, low_mb: float) -> None:
+        self._folder, self._low = folder, low_mb * MIB
+
+    def free(self) -> int:
+        """Return the bytes that are free for whoever asks; a disk that is gone has none."""
+        try:
+            return shutil.disk_usage(self._folder).free
+        except OSError:
+            return 0
+
+    def state(self) -> DiskState:
+        """Return in a word how much is left."""
+        free = self.free()
+        return "full" if free < FULL_MB * MIB else "low" if free < self._low else "ok"

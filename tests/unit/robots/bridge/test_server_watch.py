@@ -1,0 +1,97 @@
+"""Which part of the server fails, by what is heard and what is not."""
+
+import pytest
+
+from robots.api.messages import Connection, ManagerStatus
+from robots.bridge.known import KnownRobot
+from robots.bridge.server_watch import BROKER, ROBOT, SESSION_MANAGER, ServerWatch
+
+STEP = 0.05
+
+
+class Server:
+    """A broker, a session manager and a robot that each can be stopped, and a web process that watches; times are virtual."""
+
+    def __init__(self):
+        self.now = 100.0
+        self.watch, self.robot = ServerWatch(), KnownRobot("giraff")
+        self.watch.link_changed(self.now, up=True)
+        self.robot.take("connection", Connection(boot="b", state="ONLINE", stamp=0.0), self.now)
+        self.lives = {BROKER, SESSION_MANAGER, ROBOT}
+        self.status = ManagerStatus(stamp=0.0)
+        self.asked = False
+
+    def run(self, seconds):
+        """Let time pass; return what is found to fail at the end of it."""
+        for _ in range(round(seconds / STEP)):
+            self.now += STEP
+            step = round(self.now / STEP)
+            if {BROKER, SESSION_MANAGER} <= self.lives and step % 10 == 0:
+                self.watch.heard(self.status, self.now)
+            if {BROKER, ROBOT} <= self.lives and step % 4 == 0:
+                self.robot.take("heartbeat", None, self.now)
+            if self.asked and BROKER in self.lives:
+                self.watch.answered()
+            self.asked = self.watch.wants_probe(self.now) or (self.asked and BROKER not in self.lives)
+        return self.watch.faults(self.robot, self.now)
+
+    def until(self, expected):
+        """Let time pass until that is found; return the seconds."""
+        began = self.now
+        while self.run(STEP) != expected:
+            assert self.now - began < 10.0, self.watch.faults(self.robot, self.now)
+        return self.now - began
+
+
+@pytest.fixture
+def server():
+    made = Server()
+    assert made.run(5.0) == ()
+    return made
+
+
+@pytest.mark.parametrize("part", [SESSION_MANAGER, BROKER, ROBOT])
+def test_a_part_that_is_stopped_is_named_within_two_seconds_and_forgotten_when_it_goes_on(server, part):
+    for _ in range(2):
+        server.lives.remove(part)
+        assert server.until((part,)) < 1.8
+        assert server.run(20.0) == (part,)
+        server.lives.add(part)
+        assert server.until(()) < 1.0
+
+
+@pytest.mark.parametrize("part", [SESSION_MANAGER, BROKER, ROBOT])
+def test_nothing_else_is_named_on_the_way(server, part):
+    server.lives.remove(part)
+    found = [server.run(STEP) for _ in range(200)]
+    assert found == sorted(found)
+    assert set(found) == {(), (part,)}
+
+
+def test_a_broker_that_fails_after_the_session_manager_is_named_instead(server):
+    server.lives.remove(SESSION_MANAGER)
+    server.until((SESSION_MANAGER,))
+    server.lives.remove(BROKER)
+    assert server.until((BROKER,)) < 1.8
+
+
+def test_a_lost_broker_is_named_at_once_and_who_comes_back_with_it_has_time_to(server):
+    server.watch.link_changed(server.now, up=False)
+    assert server.watch.faults(server.robot, server.now) == (BROKER,)
+    server.lives -= {SESSION_MANAGER, ROBOT}
+    server.watch.link_changed(server.now, up=True)
+    assert server.run(1.0) == ()
+    assert server.run(1.0) == (SESSION_MANAGER, ROBOT)
+
+
+def test_what_the_session_manager_lacks_is_handed_on_while_it_says_so(server):
+    server.status = ManagerStatus(stamp=0.0, faults=("database", "disk_low"))
+    server.until(("database", "disk_low"))
+    server.status = ManagerStatus(stamp=0.0)
+    assert server.until(()) < 1.0
+
+
+def test_a_robot_that_said_goodbye_is_not_silent(server):
+    server.robot.take("connection", Connection(boot="b", state="OFFLINE", stamp=0.0), server.now)
+    server.lives.remove(ROBOT)
+    assert server.run(10.0) == ()
