@@ -50,7 +50,7 @@ def test_a_profile_of_ones_own_overrules_defaults_and_options_overrule_it(tmp_pa
 
 def test_a_base_without_localization_gets_ours():
     adapter = registry.autonomous(registry.create("ros2", "rhodon", {"localization": "none"}))
-    assert {"goto", "dock", "undock", "assist", "relocalize"} <= set(adapter.profile.capabilities)
+    assert {"goto", "dock", "undock", "relocalize"} <= set(adapter.profile.capabilities)
 
 
 @pytest.mark.parametrize(
