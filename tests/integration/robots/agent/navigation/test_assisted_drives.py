@@ -45,7 +45,7 @@ def test_a_laser_that_breaks_on_the_way_stops_the_robot_within_a_second_and_a_ha
     assert robot.world.motion.linear > 0.4
     robot.world.faults = fault
     drive(robot, AHEAD, 1.5)
-    assert (robot.last.why, robot.told) == ("blind", ZERO)
+    assert (robot.why, robot.told) == ("blind", ZERO)
     assert robot.stands
     robot.world.faults = Faults()
     drive(robot, AHEAD, 1.0)
@@ -56,7 +56,7 @@ def test_a_laser_that_never_spoke_lets_nothing_move():
     robot = rig("corridor-centre", "slow")
     robot.world.faults = Faults(laser="silent")
     drive(robot, AHEAD, 1.0)
-    assert robot.last.why == "blind"
+    assert robot.why == "blind"
     assert robot.world.distance == 0.0
 
 
