@@ -18,6 +18,7 @@ from robots.agent.autonomy.area import dock_of
 from robots.agent.cadence import Cadence
 from robots.agent.calls import NOTHING, Calls
 from robots.agent.collision_monitor import CollisionMonitor, seen_from
+from robots.agent.contact import SIDES, sides_of
 from robots.agent.freshness import frame_age
 from robots.agent.lab.in_force import CLEAN, Networks, in_force, is_held
 from robots.agent.lab.timed import TimedLine
@@ -437,12 +438,18 @@ class Pilot:
     def _say_changes(self, before: RcaState, after: RcaState) -> None:
         if after.battery.charging and not before.battery.charging:
             self.reports.event("charging")
-        if after.contacts > before.contacts:
-            self._kernel.touched()
-            self.turn_wheels()
-            self.reports.event("collision")
+        self._feel(before, after)
         if after.pose.localized != before.pose.localized:
             self.reports.event("localization_found" if after.pose.localized else "localization_lost")
+
+    def _feel(self, before: RcaState, after: RcaState) -> None:
+        """Stop for a contact that begins, and go no further towards one that lasts."""
+        felt = sides_of(after.bumper or ())
+        if after.contacts > before.contacts or felt - sides_of(before.bumper or ()):
+            self._kernel.touched(felt)
+            self.turn_wheels()
+            self.reports.event("collision", detail=" ".join(side for side in SIDES if side in felt))
+        self._kernel.contacts.felt(felt)
 
     # --- faults and what is remembered -------------------------------------------------------------------------------
 
