@@ -71,7 +71,7 @@ class CollisionMonitor:
         points, errors = self._about(self._assist.reach)
         lost = {source.loss for source in self._sources if not now - source.heard_at() <= source.silence}
         silence = math.inf if "stand" in lost else 0.0
-        slower = self._crept(wanted, everywhere="creep" in lost)
+        slower = self._crept(wanted, everywhere="creep" in lost or self._is_vague())
         found = self._assist.shape(slower, told, points, level, errors=errors, silence=silence, dock=self.dock)
         self._last = replace(found, why="slow") if slower != wanted and found.why in QUIET else found
         self._shaped_at = now
@@ -84,6 +84,14 @@ class CollisionMonitor:
             return Velocity(linear=wanted.linear * CREEP / speed, angular=wanted.angular * CREEP / speed)
         high, low = (math.inf if looked_at else CREEP for looked_at in self._looked_at)
         return Velocity(linear=min(max(wanted.linear, -low), high), angular=wanted.angular)
+
+    def _is_vague(self) -> bool:
+        """Tell whether something is so near that nobody knows how near."""
+        if self._here is None:
+            return False
+        reach = self._assist.hull.radius
+        near = [(source.vague, source.seen(self._here, reach + source.vague)) for source in self._sources if source.vague > 0.0]
+        return any(len(points) and float(outside(self._assist.hull, points).min()) < vague for vague, points in near)
 
     def _reckoned(self, reading: RcaState) -> Pose2D:
         """Return dead reckoning for a robot that gives none: by the velocity that was measured."""

@@ -18,10 +18,10 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from robots.agent.adapters.contract import DepthCamera, Profile, RcaState, Sonar, SonarEcho
+from robots.agent.adapters.contract import DepthCamera, Profile, RcaState, Sonar
 from robots.agent.autonomy.perception import beams_of
 from robots.agent.localization.odometry import Track
-from robots.agent.navigation.obstacles import ObstacleMemory, into, out_of
+from robots.agent.navigation.obstacles import SAME_BEARING, ObstacleMemory, into, out_of
 from robots.agent.navigation.swept import Hull, hull
 from robots.agent.world.sensing import Beams, Floats
 from robots.api.geometry import Pose2D, wrap_angle
@@ -36,11 +36,13 @@ SAME_WAY = 0.3  # rad beside its cone in which a sensor counts as looking still:
 class ObstacleSource(Protocol):
     """A sensor of one robot. Stamps are the robot's Unix time, `now` is monotonic time, both in seconds.
 
-    `silence` is how long it may say nothing before it is lost, in seconds; `loss` what the robot may do then.
+    `silence` is how long it may say nothing before it is lost, in seconds; `loss` what the robot may do then. Nearer to the footprint than
+    `vague` metres it cannot tell how near something is, and a driver who is helped creeps.
     """
 
     silence: float
     loss: Loss
+    vague: float
 
     def sense(self, reading: RcaState, track: Track, now: float) -> None:
         """Take what is new in a reading; `track` tells where the robot was at its stamps."""
@@ -63,6 +65,7 @@ class LaserSource:
 
     silence = 0.5
     loss: Loss = "stand"
+    vague = 0.0
 
     def __init__(self, laser: Laser) -> None:
         self._heard_at = -math.inf
@@ -126,27 +129,34 @@ class DepthSource(LaserSource):
 
 
 class SonarSource:
-    """Sensors with cones. An echo comes from somewhere on an arc, and all of the arc is kept, until the sensor has spoken twice again.
+    """Sensors with cones. An echo comes from somewhere on an arc, and all of the arc is kept where it lay.
 
-    Twice, because an echo is easily lost once: crosstalk, or a wall that is met at a slant.
+    A point is taken away when a cone looks through it twice, and forgotten after so much way. Twice, because an echo is easily lost once:
+    crosstalk, or a wall that is met at a slant. It has to be kept, because a ring is blind between two cones close to the robot.
     """
 
     silence = 1.0
     loss: Loss = "stand"
+    vague = 0.1
     SPACING = 0.05  # metres between two points of an arc
     OFF = 0.02  # metres that an echo may be off
+    MARGIN = 0.06  # metres by which a point must be nearer than an echo to be looked through
+    DOUBTS = 2
+    WAY, TURN = 2.0, 0.3  # metres driven for which a point is kept, and how many of them a radian of turning counts as
 
     def __init__(self, sonars: Sequence[Sonar]) -> None:
         self._sonars = tuple(sonars)
-        self._arcs: list[deque[Floats]] = [deque(maxlen=2) for _ in self._sonars]
         self._heard = [-math.inf] * len(self._sonars)
+        self._points: Floats = np.zeros((0, 4))  # x, y, the way driven when it was heard, how many cones have looked through it since
+        self._way = 0.0
+        self._was: Pose2D | None = None
 
     def sense(self, reading: RcaState, track: Track, now: float) -> None:
         """Take echoes, and that there were none."""
         for echo in reading.sonar:
             if 0 <= echo.sonar < len(self._sonars):
                 self._heard[echo.sonar] = now
-                self._arcs[echo.sonar].append(out_of(track.at(echo.stamp), self._arc(self._sonars[echo.sonar], echo)))
+                self._take(self._sonars[echo.sonar], echo.distance, track.at(echo.stamp))
 
     def heard_at(self) -> float:
         """Return when the sensor that has been silent for longest was heard."""
@@ -159,20 +169,40 @@ class SonarSource:
 
     def seen(self, here: Pose2D, radius: float) -> Floats:
         """Return the arcs."""
-        return within([arc for arcs in self._arcs for arc in arcs], here, radius)
+        return within(self._points, here, radius)
 
     def looks(self, bearing: float) -> bool:
         """Tell whether that is in one of the cones."""
         return any(abs(wrap_angle(bearing - each.theta)) <= each.width / 2.0 + SAME_WAY for each in self._sonars)
 
-    def _arc(self, sonar: Sonar, echo: SonarEcho) -> Floats:
-        """Return (n, 2) where an echo may come from, in the robot's frame; what is too near to be measured is right at the sensor."""
-        if echo.distance is None or echo.distance >= sonar.farthest:
+    def _take(self, sonar: Sonar, distance: float | None, robot: Pose2D) -> None:
+        self._travel(robot)
+        reach = sonar.farthest if distance is None else min(distance, sonar.farthest)
+        eye = robot.compose(Pose2D(sonar.x, sonar.y, sonar.theta))
+        local = into(eye, self._points)
+        apart = np.hypot(local[:, 0], local[:, 1])
+        inside = np.abs(np.arctan2(local[:, 1], local[:, 0])) <= sonar.width / 2.0 + SAME_BEARING
+        self._points[inside & (apart < reach - self.MARGIN), 3] += 1.0
+        again = inside & (np.abs(apart - reach) <= self.MARGIN)
+        old = self._points[:, 2] < self._way - self.WAY
+        kept = self._points[~(again | old | (self._points[:, 3] >= self.DOUBTS))]
+        arc = self._arc(sonar, reach)
+        new = np.zeros((len(arc), 4))
+        new[:, :2], new[:, 2] = out_of(eye, arc), self._way
+        self._points = np.concatenate([kept, new])
+
+    def _travel(self, robot: Pose2D) -> None:
+        if self._was is not None:
+            self._way += self._was.distance(robot) + self.TURN * abs(wrap_angle(robot.theta - self._was.theta))
+        self._was = robot
+
+    def _arc(self, sonar: Sonar, reach: float) -> Floats:
+        """Return (n, 2) where an echo may come from, seen from the sensor; what is too near to be measured is right at it."""
+        if reach >= sonar.farthest:
             return NO_POINTS
-        distance = 0.0 if echo.distance <= sonar.nearest else echo.distance
-        count = 2 + int(distance * sonar.width / self.SPACING)
-        angles = sonar.theta + np.linspace(-sonar.width / 2.0, sonar.width / 2.0, count)
-        return np.column_stack([sonar.x + distance * np.cos(angles), sonar.y + distance * np.sin(angles)])
+        distance = 0.0 if reach <= sonar.nearest else reach
+        angles = np.linspace(-sonar.width / 2.0, sonar.width / 2.0, 2 + int(distance * sonar.width / self.SPACING))
+        return np.column_stack([distance * np.cos(angles), distance * np.sin(angles)])
 
 
 class BumperSource:
@@ -180,6 +210,7 @@ class BumperSource:
 
     silence = 0.5
     loss: Loss = "creep"
+    vague = 0.05
     KEPT = 20.0  # s
     FELT = np.linspace(-0.2, 0.2, 5)  # rad about the direction of a contact that count as touched
     BEYOND = 0.005  # metres
@@ -214,7 +245,7 @@ class BumperSource:
         """Return the same."""
         while self._felt and self._now - self._felt[0][0] > self.KEPT:
             self._felt.popleft()
-        return within([points for _, points in self._felt], here, radius)
+        return within(np.concatenate([NO_POINTS, *(points for _, points in self._felt)]), here, radius)
 
     def looks(self, bearing: float) -> bool:  # noqa: ARG002 -- as the others
         """Return False: it knows nothing before it is touched."""
@@ -230,9 +261,9 @@ class BumperSource:
         return points
 
 
-def within(kept: Sequence[Floats], here: Pose2D, radius: float) -> Floats:
-    """Return (n, 2) those of several (m, 2) points that are within `radius` metres of a robot at `here`, in its frame."""
-    local = into(here, np.concatenate([NO_POINTS, *kept]))
+def within(points: Floats, here: Pose2D, radius: float) -> Floats:
+    """Return (n, 2) those of points (m, 2 or more) that are within `radius` metres of a robot at `here`, in its frame."""
+    local = into(here, points)
     near: Floats = local[np.hypot(local[:, 0], local[:, 1]) <= radius]
     return near
 
