@@ -1,6 +1,8 @@
-"""Localization and navigation for a robot that has none: beside any adapter that gives velocity, odometry and a laser.
+"""Localization and navigation for a robot that lacks them: beside any adapter that gives velocity, odometry and a laser.
 
     inner adapter ──reading──► Mind (a process of its own) ──► pose, what an action wants, the path
+
+Chosen one by one: what the RCA names among its capabilities stays its own. Where it knows its pose, that feeds our navigation.
 
 It adds actions, a pose and a path, and has no part in what the base is told: what navigation wants goes through the safety kernel like a
 visitor's wish (contract.Navigating). A mind that is late makes the robot stand; one that stays silent is given up, its action fails with
@@ -50,17 +52,19 @@ STUCK, STUCK_IDLE = 1.0, 3.0  # and after which the mind is given up: while it d
 START_SPREAD, START_TURN = 0.15, math.radians(8.0)  # how exactly somebody puts a robot where it begins
 AGAIN_SPREAD, AGAIN_TURN = 0.25, math.radians(15.0)  # and how far it may have gone since it was known last
 OURS: tuple[Capability, ...] = ("localization", "goto", "follow", "dock", "undock", "relocalize")
+LOCALIZATION: frozenset[Capability] = frozenset({"localization", "relocalize"})
 
 log = logging.getLogger(__name__)
 
 
 def wrapped(inner: Adapter, area: FloorPlanUpdate | None, memory: Path | None = None) -> Adapter:
-    """Return the adapter with localization and navigation, or as it is when it localizes itself or has no laser.
+    """Return the adapter with the localization and the navigation that its RCA lacks, or as it is when that has both, or no laser.
 
-    `area` is the site it stands in, None when the server will say so; `memory` is the file that keeps where it stood.
+    An RCA that localizes itself and goes nowhere by itself gets our navigation on its own pose. `area` is the site it stands in, None when
+    the server will say so; `memory` is the file that keeps where it stood.
     """
     profile = inner.profile
-    if profile.laser is None or "localization" in profile.capabilities:
+    if profile.laser is None or {"localization", "goto"} <= set(profile.capabilities):
         return inner
     return AutonomyAdapter(inner, profile.laser, area, memory)
 
@@ -73,13 +77,14 @@ class AutonomyAdapter:
     ) -> None:
         own = inner.profile
         self.inner = inner
-        self._ours = frozenset(OURS) - frozenset(own.capabilities)
+        self._localizes = "localization" in own.capabilities
+        self._ours = frozenset(OURS) - frozenset(own.capabilities) - (LOCALIZATION if self._localizes else frozenset())
         self.profile: Profile = replace(own, capabilities=(*own.capabilities, *(name for name in OURS if name in self._ours)))
         self._laser, self._now = laser, now
         self._knows_site = area is not None
         self._memory = PoseMemory(memory)
         self._whereabouts = Whereabouts()
-        self.mind = MindProcess(Body(own.series, own.footprint, own.limits), thought=self._think, settled=self._place)
+        self.mind = MindProcess(Body(own.series, own.footprint, own.limits, self._localizes), thought=self._think, settled=self._place)
         self._area: FloorPlanUpdate | None = None
         self.dock: Station | None = None
         self._news: asyncio.Queue[ActionProgress | AdapterError] = asyncio.Queue()
@@ -210,7 +215,7 @@ class AutonomyAdapter:
             await self.inner.close()
         finally:
             await self.mind.close()
-            if self._area is not None and self._last is not None and self._whereabouts.trusted:
+            if self._area is not None and self._last is not None and self._whereabouts.trusted and not self._localizes:
                 await self._memory.close(self._area.map_id, self._whereabouts.place(self._last.odometry))
 
     # --- readings ----------------------------------------------------------------------------------------------------
@@ -225,8 +230,8 @@ class AutonomyAdapter:
         now = self._now()
         self._perceive(reading, points, now)
         self._watch(now)
-        pose = self._whereabouts.pose(reading.odometry, now)
-        if pose.localized and self._area is not None:
+        pose = reading.pose if self._localizes else self._whereabouts.pose(reading.odometry, now)
+        if pose.localized and self._area is not None and not self._localizes:
             self._memory.note(self._area.map_id, Pose2D(pose.x, pose.y, pose.theta), now)
         return replace(reading, pose=pose, errors=(*reading.errors, *self._complaints(reading)), path=self._path)
 
@@ -237,7 +242,8 @@ class AutonomyAdapter:
         beams = None if reading.scan is None else beams_of(reading.scan, self._laser)
         self._beams = beams or self._beams
         if self.mind.ready and self._due.due(now):
-            moment = Perception(reading.stamp, reading.odometry, reading.velocity, reading.charger_contact, self._beams, points)
+            pose = reading.pose if self._localizes else None
+            moment = Perception(reading.stamp, reading.odometry, reading.velocity, reading.charger_contact, self._beams, points, pose)
             new = self._beams is not None and self._beams.stamp != self._told_sweep
             if self.mind.say(wire.perceive(moment, new=new)) and self._beams is not None:
                 self._told_sweep = self._beams.stamp
@@ -245,6 +251,8 @@ class AutonomyAdapter:
     def _complaints(self, reading: RcaState) -> tuple[str, ...]:
         if reading.odometry is None:
             return ("the robot gives no odometry",)
+        if self._localizes and self._area is None:
+            return ()  # a robot that needs nothing of ours to be driven is not at fault for want of a map
         return () if self.mind.ready else (f"navigation: {self.mind.problem}",)
 
     # --- the mind ----------------------------------------------------------------------------------------------------

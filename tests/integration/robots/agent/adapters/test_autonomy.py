@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 
 from robots.agent.adapters import registry
@@ -23,7 +24,7 @@ from robots.api.geometry import Pose2D
 from robots.api.messages import Cancel, Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Tilt
 from tests.support.adapter_conformance import AdapterConformance, some
 from tests.support.autonomous_drive import driving, made
-from tests.support.scripted_robot import ScriptedRobot
+from tests.support.scripted_robot import ScriptedRobot, still
 from tests.support.simulators import alive
 from tests.support.truth import Fate, Onlooker
 
@@ -55,8 +56,16 @@ def test_a_robot_with_a_laser_and_no_localization_gets_ours_and_any_other_stays_
     assert isinstance(adapter, Navigating)
     without = ScriptedRobot()
     assert registry.autonomous(without) is without
-    able = ScriptedRobot(profile=replace(without.profile, laser=adapter.profile.laser, capabilities=("velocity", "localization")))
+    able = ScriptedRobot(profile=replace(without.profile, laser=adapter.profile.laser, capabilities=("velocity", "localization", "goto")))
     assert registry.autonomous(able) is able
+
+
+def test_a_robot_that_localizes_itself_and_goes_nowhere_gets_our_navigation_and_keeps_its_pose():
+    profile = replace(ScriptedRobot().profile, laser=made().profile.laser, capabilities=("velocity", "localization", "dock"))
+    wrapped = registry.autonomous(ScriptedRobot(profile=profile))
+    assert set(wrapped.profile.capabilities) == {"velocity", "localization", "dock", "goto", "follow", "undock"}
+    reading = still(odometry=Pose2D(0.0, 0.0, 0.0))
+    assert wrapped.located(reading, np.zeros((0, 2))) == replace(reading, path=())
 
 
 def test_what_a_robot_can_do_itself_stays_its_own():
