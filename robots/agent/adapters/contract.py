@@ -12,6 +12,7 @@ from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
 from robots.api.floorplan import Dock as Station
 from robots.api.geometry import Pose2D
@@ -39,8 +40,7 @@ class AdapterError(Exception):
     """The robot control architecture cannot be reached, or said no; the message is one sentence for the robot's owner."""
 
 
-@dataclass(frozen=True)
-class Sonar:
+class Sonar(Struct, frozen=True, forbid_unknown_fields=True):
     """A sensor that measures the distance of the nearest thing in a cone: ultrasound, or infrared.
 
     It sits at `x`, `y` in the robot's frame and looks along `theta`; `width` is the whole angle of its cone, in radians. It measures
@@ -55,8 +55,7 @@ class Sonar:
     farthest: float = 4.0
 
 
-@dataclass(frozen=True)
-class DepthCamera:
+class DepthCamera(Struct, frozen=True, forbid_unknown_fields=True):
     """Where the points of `RcaState.points` are seen from, as `Sonar`: the middle of the view, its whole angle, and how far it reaches."""
 
     x: float = 0.0
