@@ -197,10 +197,10 @@ class SonarSource:
         self._was = robot
 
     def _arc(self, sonar: Sonar, reach: float) -> Floats:
-        """Return (n, 2) where an echo may come from, seen from the sensor; what is too near to be measured is right at it."""
+        """Return (n, 2) where an echo may come from, seen from the sensor; what is too near to be measured is taken to be halfway to that."""
         if reach >= sonar.farthest:
             return NO_POINTS
-        distance = 0.0 if reach <= sonar.nearest else reach
+        distance = sonar.nearest / 2.0 if reach <= sonar.nearest else reach
         angles = np.linspace(-sonar.width / 2.0, sonar.width / 2.0, 2 + int(distance * sonar.width / self.SPACING))
         return np.column_stack([distance * np.cos(angles), distance * np.sin(angles)])
 
