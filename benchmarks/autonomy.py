@@ -172,7 +172,7 @@ async def _tick(adapter: Adapter, seconds: float, found: list[float]) -> None:
             found.append((now - due) * 1e3)
         due = max(due + PERIOD, now)
         if isinstance(adapter, AutonomyAdapter) and (wanted := adapter.wanted()) is not None:
-            adapter.proceed(wanted)
+            adapter.apply(wanted)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ A key's moment is the browser's own stamp of the event. A command's moment at th
 kernel found; all processes share one clock here, and the error of its estimate (half a round trip) is far below the figures.
 """
 
+import argparse
 import random
 import sys
 import tempfile
@@ -94,20 +95,25 @@ def _steady(giraff: Onlooker) -> bool:
 
 def main() -> int:
     """Measure, print, keep; return how many bounds were missed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--assist", choices=["off", "slow", "steer"], default="steer", help="how much the driver is helped meanwhile")
+    level = parser.parse_args().assist
     rng = random.Random(7)
     figures, samples = [], {}
     with tempfile.TemporaryDirectory(prefix="telepresence-control-") as folder, running_site(Path(folder)) as site:
+        site.django(f"from robots.models import Robot; robot = Robot.objects.get(name='giraff'); robot.assist = {level!r}; robot.save()")
         giraff = site.start_robot("giraff", "--start", "lounge-centre")
         with sync_playwright() as playwright, chromium(playwright) as browser:
             for way, bound in WAYS.items():
                 someone = driver(browser, site, way)
+                wait_for(lambda: (site.states(site.sessions()[-1][0]) or [{}])[-1].get("assist") == level, 20, f"assistance {level}")
                 samples[way] = key_latencies(site, someone, way, rng)
                 figures += quantiles(f"key press to applied velocity, {way}", samples[way], "ms", {"p50": bound, "p95": None, "max": None})
                 if way == "datachannel":
                     samples["stop"] = stop_delays(site, giraff, someone)
                 someone.close()
     figures += quantiles("last accepted command to stop", samples["stop"], "ms", {"p50": None, "p99": 350, "max": None})
-    return keep("control", figures, **samples)
+    return keep("control", figures, assist=level, **samples)
 
 
 if __name__ == "__main__":

@@ -12,10 +12,12 @@ import random
 from collections.abc import AsyncIterator, Callable, Iterator
 from typing import Any, Protocol, TypeVar
 
-from robots.agent.adapters.contract import ActionProgress, Adapter, AdapterError, RcaState, SelfDriving
+from robots.agent.adapters.contract import ActionProgress, Adapter, AdapterError, Navigating, RcaState
 from robots.agent.backoff import Backoff
 from robots.agent.reading import UnsoundReadingError, sound
-from robots.api.messages import Action, AssistLevel, Config, FloorPlanUpdate, Velocity
+from robots.agent.world.sensing import Floats
+from robots.api.floorplan import Dock as Station
+from robots.api.messages import Action, Config, FloorPlanUpdate, Velocity
 from robots.cancellation import cancel
 
 log = logging.getLogger(__name__)
@@ -47,7 +49,7 @@ class AdapterLink:
     def __init__(self, adapter: Adapter, *, rng: random.Random) -> None:
         self.adapter = adapter
         self.up = False
-        self._driving = adapter if isinstance(adapter, SelfDriving) else None
+        self._navigation = adapter if isinstance(adapter, Navigating) else None
         self._backoff = Backoff(rng, first=0.5)
         self._failure: asyncio.Future[None] | None = None
         self._cancelling: set[asyncio.Task[Any]] = set()
@@ -70,36 +72,41 @@ class AdapterLink:
             listener.adapter_changed(up=False, reason=reason)
             await asyncio.sleep(self._backoff.failed(self._backoff.settled if was_up else 0.0))
 
-    def apply(self, velocity: Velocity, *, navigating: bool = False) -> Velocity | None:
+    def apply(self, velocity: Velocity) -> Velocity | None:
         """Send a velocity to the base and return what was really sent; None when the RCA is gone, which `run` then reports."""
         if not self.up:
             return None
         try:
             with its_fault():
-                sent = self._driving.proceed(velocity) if navigating and self._driving else self.adapter.apply(velocity)
-                return checked_velocity(sent)
+                return checked_velocity(self.adapter.apply(velocity))
         except AdapterError as error:
             self._fail(error)
             return None
 
-    @property
-    def steered(self) -> float:
-        """The turn in rad/s that assistance added to the velocity applied last."""
-        return self._driving.steered if self._driving else 0.0
-
     def wanted(self) -> Velocity | None:
         """Return what the agent's own navigation wants now; None when there is none, or nothing runs."""
-        return self._driving.wanted() if self.up and self._driving else None
+        return self._navigation.wanted() if self.up and self._navigation else None
 
-    def set_assist(self, level: AssistLevel) -> None:
-        """Tell an adapter that assists how much of it."""
-        if self._driving:
-            self._tell(self._driving.set_assist, level)
+    def located(self, reading: RcaState, points: Floats) -> RcaState:
+        """Return a reading with what the agent's own navigation makes of it, and of the points (n, 2) that stand about the robot."""
+        if self._navigation is None:
+            return reading
+        try:
+            with its_fault():
+                return sound(self._navigation.located(reading, points))
+        except (AdapterError, UnsoundReadingError) as error:
+            self._fail(AdapterError(str(error)))
+            return reading
+
+    @property
+    def dock(self) -> Station | None:
+        """The dock that the agent's own navigation takes for this robot's, on its map."""
+        return self._navigation.dock if self._navigation else None
 
     def take_floorplan(self, update: FloorPlanUpdate) -> None:
         """Give the server's map to an adapter that can use it."""
-        if self._driving:
-            self._tell(self._driving.take_floorplan, update)
+        if self._navigation:
+            self._tell(self._navigation.take_floorplan, update)
 
     def configure(self, config: Config) -> None:
         """Tell the adapter what the server has configured."""

@@ -26,6 +26,7 @@ from robots.agent.enrolment import enrol_if_asked, keep_renewing
 from robots.agent.equipment import Equipment, equipment_of
 from robots.agent.media import MediaSide
 from robots.agent.mqtt import Endpoint, MqttLink
+from robots.agent.obstacle_sources import sources_of
 from robots.agent.priority import SECOND, set_nice
 from robots.agent.rendezvous import believed, broker_urls
 from robots.agent.robot_check import check_robot, say_line
@@ -176,13 +177,14 @@ def new_boot(unix: float) -> str:
 def capabilities_of(adapter: Adapter, equipment: Equipment) -> tuple[Capability, ...]:
     """Return what the robot can do: the adapter's, and what the agent does by itself.
 
-    Picture and sound by what there is, photos with a picture; words, calls and dots on what is shared, which every robot's screen can
-    show; a worse network for the driver.
+    Assistance where a sensor tells of obstacles; picture and sound by what there is, photos with a picture; words, calls and dots on what is
+    shared, which every robot's screen can show; a worse network for the driver.
     """
     sees: tuple[Capability, ...] = ("video", "photo") if equipment.video is not None else ()
     hears: tuple[Capability, ...] = ("audio",) if equipment.audio is not None else ()
     own = tuple(name for name in adapter.profile.capabilities if name not in {"video", "audio"})
-    ours: tuple[Capability, ...] = (*sees, *hears, "say", "call", "point", "network_lab")
+    assists: tuple[Capability, ...] = ("assist",) if sources_of(adapter.profile) else ()
+    ours: tuple[Capability, ...] = (*assists, *sees, *hears, "say", "call", "point", "network_lab")
     return (*own, *(name for name in ours if name not in own))
 
 

@@ -14,6 +14,7 @@ from typing import Any
 
 from robots.agent.adapter_link import AdapterLink
 from robots.agent.adapters.contract import Adapter
+from robots.agent.collision_monitor import monitor_of
 from robots.agent.ingress import Ingress
 from robots.agent.lab.in_force import CLEAN, Networks
 from robots.agent.media.frame_gate import Heard
@@ -61,7 +62,11 @@ class ControlLoop:
         networks: Networks = CLEAN,
     ) -> None:
         profile = adapter.profile
-        self.kernel = Kernel(profile.limits, profile.watchdog, capabilities, latch=store.latch(), newest_lease=store.lease())
+        monitor = self._monitor = monitor_of(profile)
+        assists: frozenset[Capability] = frozenset() if monitor is None else frozenset({"assist"})
+        self.kernel = Kernel(
+            profile.limits, profile.watchdog, capabilities | assists, latch=store.latch(), newest_lease=store.lease(), monitor=monitor
+        )
         self.failed = True  # until it has ended well; why it did not, threading.excepthook is told
         self._adapter, self._link, self._store, self._boot = AdapterLink(adapter, rng=rng), link, store, boot
         self._times, self._networks = times or Times(), networks
@@ -114,7 +119,7 @@ class ControlLoop:
         loop = self._loop = asyncio.get_running_loop()
         # What is done beside the loop (disks, pictures, a simulator that is started) has no business to go first.
         loop.set_default_executor(ThreadPoolExecutor(thread_name_prefix="beside", initializer=set_nice, initargs=(ORDINARY,)))
-        parts = Parts(self.kernel, self._adapter, self._link, media, self._store, self._times, self._boot, self._networks)
+        parts = Parts(self.kernel, self._adapter, self._link, media, self._store, self._times, self._boot, self._networks, self._monitor)
         pilot = self._pilot = Pilot(parts, self._spawn)
         adapter = asyncio.create_task(self._adapter.run(pilot))
         link = asyncio.create_task(self._link.run(pilot))

@@ -8,19 +8,23 @@ import contextlib
 import functools
 import logging
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from robots.agent.actions import Actions
 from robots.agent.adapter_link import AdapterLink
 from robots.agent.adapters.contract import ActionProgress, RcaState
+from robots.agent.autonomy.area import dock_of
 from robots.agent.cadence import Cadence
 from robots.agent.calls import NOTHING, Calls
+from robots.agent.collision_monitor import CollisionMonitor, seen_from
+from robots.agent.contact import SIDES, sides_of
 from robots.agent.freshness import frame_age
 from robots.agent.lab.in_force import CLEAN, Networks, in_force, is_held
 from robots.agent.lab.timed import TimedLine
 from robots.agent.media.frame_gate import Command
 from robots.agent.motion import ZERO
+from robots.agent.obstacle_sources import NO_POINTS
 from robots.agent.permissions import Sender
 from robots.agent.pointing import Pointing
 from robots.agent.reports import Reports
@@ -29,6 +33,7 @@ from robots.agent.store import Store
 from robots.agent.times import Times
 from robots.agent.ways_out import Link, Media, WaysOut
 from robots.api import codec
+from robots.api.floorplan import Dock as Station
 from robots.api.messages import (
     Action,
     AppliedCommand,
@@ -72,13 +77,14 @@ class Parts:
     times: Times
     boot: str
     networks: Networks = CLEAN
+    monitor: CollisionMonitor | None = None
 
 
 class Pilot:
     """The handlers. `spawn` runs a coroutine beside the loop."""
 
     def __init__(self, parts: Parts, spawn: Callable[[Coroutine[Any, Any, None]], None]) -> None:
-        self._kernel, self._adapter, self._media = parts.kernel, parts.adapter, parts.media
+        self._kernel, self._adapter, self._media, self._monitor = parts.kernel, parts.adapter, parts.media, parts.monitor
         self._store, self._times, self._spawn = parts.store, parts.times, spawn
         self.out = WaysOut(parts.link, parts.media)
         self._calls, self._passing, self._pointing = Calls(), NOTHING, Pointing()
@@ -108,6 +114,7 @@ class Pilot:
             calls=self._calls,
         )
         self._heartbeat_due = Cadence(HEARTBEAT_PERIOD)
+        self._dock: Station | None = None  # this robot's own, on the server's map
         self._writing = asyncio.Lock()  # one after the other
         self._kept_latch = parts.kernel.latch  # as the disk has it
         self._faults: dict[str, str] = {}
@@ -142,6 +149,7 @@ class Pilot:
             case FloorPlanUpdate():
                 log.info("floorplan_received map=%s sha256=%s", message.map_id, message.sha256)
                 self._adapter.take_floorplan(message)
+                self._dock = dock_of(message, self._adapter.adapter.profile.series)
             case None if suffix == "lease":
                 self._lease(None, retained=retained)
 
@@ -197,6 +205,7 @@ class Pilot:
     def reading(self, reading: RcaState) -> None:
         """Take what the RCA reports, and say what has changed."""
         before, was_docked = self.reports.reading, self.reports.docked
+        reading = self._perceived(reading)
         self._kernel.measured(reading.velocity, self._times.now())
         self._kernel.assist.clearance = reading.clearance
         if self._kernel.button(pressed=reading.estop, now=self._times.now(), unix=self._times.unix()):
@@ -207,6 +216,18 @@ class Pilot:
             self._say_changes(before, reading)
             if self.reports.docked != was_docked:
                 self.reports.event("docked" if self.reports.docked else "undocked")
+
+    def _perceived(self, reading: RcaState) -> RcaState:
+        """Return a reading with what the collision monitor and the agent's own navigation make of it."""
+        monitor, now = self._monitor, self._times.now()
+        if monitor is None:
+            return self._adapter.located(reading, NO_POINTS)
+        monitor.sense(reading, now)
+        reading = self._adapter.located(reading, monitor.points())
+        monitor.dock = seen_from(reading.pose, self._adapter.dock or self._dock)
+        why, point = monitor.why(now)
+        clearance = monitor.clearance() if reading.clearance is None else reading.clearance
+        return replace(reading, clearance=clearance, assist_why=why, assist_point=point)
 
     def progressed(self, progress: ActionProgress) -> None:
         """Take news of an action."""
@@ -252,9 +273,9 @@ class Pilot:
             self.actions.cancelled(action_id, reason)
         if decision.velocity is None:
             return
-        applied = self._adapter.apply(decision.velocity, navigating=decision.why == "navigating")
+        applied = self._adapter.apply(decision.velocity)
         if applied is not None:
-            self._kernel.applied(applied, self._adapter.steered)
+            self._kernel.applied(applied)
 
     def brake(self) -> None:
         """The agent is about to end: from now on nothing moves the robot."""
@@ -391,10 +412,9 @@ class Pilot:
         asked: AssistLevel = self._config.assist if self._config else "off"
         if lease is not None and lease.assist is not None:
             asked = lease.assist
-        # Steering is the adapter's; one that cannot do it is slowed down instead, and says so.
+        # Steering needs to see obstacles; a robot that sees none is slowed down instead, and says so.
         level: AssistLevel = "slow" if asked == "steer" and "assist" not in self._kernel.capabilities else asked
         self._kernel.assist.level = level
-        self._adapter.set_assist(level)
 
     def _set_networks(self) -> None:
         """Give the driver the network that is theirs. What is still on its way is lost with the old one."""
@@ -414,12 +434,18 @@ class Pilot:
     def _say_changes(self, before: RcaState, after: RcaState) -> None:
         if after.battery.charging and not before.battery.charging:
             self.reports.event("charging")
-        if after.contacts > before.contacts:
-            self._kernel.touched()
-            self.turn_wheels()
-            self.reports.event("collision")
+        self._feel(before, after)
         if after.pose.localized != before.pose.localized:
             self.reports.event("localization_found" if after.pose.localized else "localization_lost")
+
+    def _feel(self, before: RcaState, after: RcaState) -> None:
+        """Stop for a contact that begins, and go no further towards one that lasts."""
+        felt = sides_of(after.bumper or ())
+        if after.contacts > before.contacts or felt - sides_of(before.bumper or ()):
+            self._kernel.touched(felt)
+            self.turn_wheels()
+            self.reports.event("collision", detail=" ".join(side for side in SIDES if side in felt))
+        self._kernel.contacts.felt(felt)
 
     # --- faults and what is remembered -------------------------------------------------------------------------------
 

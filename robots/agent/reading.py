@@ -6,7 +6,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from robots.agent.adapters.contract import RcaState
+from robots.agent.adapters.contract import ObstaclePoints, RcaState
 from robots.api import codec
 from robots.api.errors import Rejection
 from robots.api.geometry import wrap_angle
@@ -16,6 +16,7 @@ _battery = msgspec.json.Decoder(Battery)
 ERRORS = 12
 ERROR_LENGTH = 300
 FARTHEST = 1e5  # metres, as in robots.api.messages
+PLANE = 2  # coordinates
 
 
 class UnsoundReadingError(ValueError):
@@ -47,7 +48,23 @@ def sound(reading: RcaState) -> RcaState:
         raise UnsoundReadingError("the odometry is not a number, or out of this world")
     if not all(math.isfinite(value) and abs(value) <= FARTHEST for point in reading.path or () for value in point):
         raise UnsoundReadingError("a point of the path is not a number, or out of this world")
-    return replace(checked, battery=battery)
+    if not all(map(math.isfinite, reading.bumper or ())):
+        raise UnsoundReadingError("the direction of a contact is not a number")
+    sonar = tuple(echo for echo in reading.sonar if echo.distance is None or 0.0 <= echo.distance < math.inf)
+    return replace(checked, battery=battery, sonar=sonar, points=_points(reading.points))
+
+
+def _points(seen: ObstaclePoints | None) -> ObstaclePoints | None:
+    """Return points with those left out that are no numbers.
+
+    Raises:
+        UnsoundReadingError: they are no points at all.
+    """
+    if seen is None:
+        return None
+    if seen.points.ndim != PLANE or seen.points.shape[1] != PLANE:
+        raise UnsoundReadingError("the points of obstacles are no pairs")
+    return ObstaclePoints(seen.stamp, seen.points[np.isfinite(seen.points).all(axis=1)])
 
 
 def _scan(scan: Scan | None) -> Scan | None:

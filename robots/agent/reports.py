@@ -233,10 +233,11 @@ class Reports:
         return Safety(
             estop=latch is not None,
             estop_source=latch.label[:120] if latch else None,
-            collision=self._contacts > 0 or (self.reading.clearance is not None and self.reading.clearance <= 0.0),
+            collision=self._contacts > 0 or bool(self.reading.bumper) or (self.reading.clearance is not None and self.reading.clearance <= 0.0),
             inhibited=kernel.inhibited(now),
             stop_seq=kernel.stop_seq,
             stop_id=kernel.stop_id,
+            touched=kernel.contacts.sides,
         )
 
 

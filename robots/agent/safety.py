@@ -2,6 +2,15 @@
 
 It decides and does nothing: no sockets, no threads, no clock of its own (`now` is monotonic time in seconds, `unix` this computer's
 Unix time). Its caller sends what `Decision.velocity` says to the base, cancels what `cancelled` names, and stays silent otherwise.
+A velocity passes these stages, in every tick and on every path:
+
+    driver ──────────────┐
+    navigation (ours) ───┴► permission ► limits ► collision monitor ► ramp ► base
+    navigation (the RCA's): hands off, but watched
+
+The collision monitor is a pure object that the kernel is given (`Shaper`), and shapes what a driver asks for; our navigation looks out for
+itself. Limits hold after it as well as before. What the base was last told is `commanded`, whoever moved it.
+
 The rules, in the order in which they bite:
 
 - Stop and e-stop are obeyed whoever sends them, however old, whatever the lease. An e-stop of whoever is answerable latches (latch.py).
@@ -12,16 +21,19 @@ The rules, in the order in which they bite:
 - Idle is silence, so that nobody fights a planner; but from the last that moved the robot until it was measured to stand, zeros are sent.
 - The RCA's own navigation begins when the robot was measured to stand, and is left alone while it runs. However it ends, the robot is braked
   from the speed that was measured last, and nobody drives before it stands. Navigation that runs in the agent itself
-  (contract.SelfDriving) tells here what it wants, and gets what the limits leave of it.
-- A contact stops the robot. Nothing moves it further that way before it has been backed away.
+  (contract.Navigating) tells here what it wants, and gets what the limits leave of it.
+- A contact stops the robot. Nothing moves it further that way before it has been backed away (contact.py).
 
 Longer than most files, because whoever answers for a robot wants all of it on one page.
 """
 
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 from robots.agent.clock import Clocks
+from robots.agent.contact import Contacts, Side
 from robots.agent.freshness import judge
 from robots.agent.hold import Hold
 from robots.agent.latch import BUTTON, Latch, stricter
@@ -36,7 +48,6 @@ MAX_STEP = 0.04  # two ticks: the longest time that one output may accelerate fo
 STANDSTILL, STANDSTILL_TURNING = 0.02, 0.05  # m/s and rad/s: a robot that is slower stands
 STANDS_FOR = 0.3  # s for which it has to have been measured so
 RUNS_ON = 2.0  # s beyond its braking time after which a robot that was told to stand and moves is an error
-BACKED_AWAY = 0.05  # m
 GRANTS_KEPT = 16
 STOPS_KEPT = 256
 SAME_STOP = 3.0
@@ -69,17 +80,23 @@ class Navigation:
     may_begin: bool = False
 
 
-@dataclass
-class Contact:
-    """Something was touched while driving `forward` (else backward); `left` is how many metres the robot has to back away still."""
+class Shaped(Protocol):
+    """What a shaper makes of a velocity; `own` is what of it is the driver's, from where the driver's ramp goes on."""
 
-    forward: bool
-    left: float = BACKED_AWAY
+    @property
+    def velocity(self) -> Velocity:
+        """What to tell the base."""
 
-    def clamp(self, velocity: Velocity) -> Velocity:
-        """Return the velocity without what goes further that way."""
-        linear = min(velocity.linear, 0.0) if self.forward else max(velocity.linear, 0.0)
-        return Velocity(linear=linear, angular=velocity.angular)
+    @property
+    def own(self) -> Velocity:
+        """The same without the turn that was added."""
+
+
+class Shaper(Protocol):
+    """The stage between limits and ramp: it knows what stands about the robot, and does no I/O."""
+
+    def shape(self, wanted: Velocity, told: Velocity, level: AssistLevel, now: float) -> Shaped:
+        """Return what is safe of `wanted`, to a base that was last `told` so."""
 
 
 @dataclass
@@ -100,6 +117,7 @@ class Kernel:
         capabilities: what the robot can do.
         latch: an e-stop that was held when the agent ended.
         newest_lease: the newest grant known when the agent ended.
+        monitor: shapes what a driver asks for, None on a robot that sees no obstacles.
 
     Raises:
         ValueError: nobody would stop the robot soon enough: deadman or watchdog is too long.
@@ -110,6 +128,7 @@ class Kernel:
     capabilities: frozenset[Capability]
     latch: Latch | None = None
     newest_lease: Remembered | None = None
+    monitor: Shaper | None = None
     clocks: Clocks = field(default_factory=Clocks)
     assist: Assist = field(default_factory=Assist)
     fault: str | None = None
@@ -126,8 +145,9 @@ class Kernel:
         self.leases = LeaseKeeper(self.newest_lease)
         self._floors: dict[tuple[str | None, int], int] = {}  # of a session and an epoch: the highest number that counted
         self._stops: dict[tuple[str, str], float] = {}
-        self._target = self._current = ZERO
-        self._steered = 0.0
+        self._target = ZERO  # what the driver wants, within permission and limits
+        self._own = ZERO  # as far as the ramp has it, without what the collision monitor added
+        self._current = ZERO  # what the base was last told
         self._output_at = self._accepted_at = self._now = float("-inf")
         self._hold: Hold | None = None
         self._knew_driver = False
@@ -138,7 +158,7 @@ class Kernel:
         self._restless = False  # the robot may be moving: it was told to, or moves by itself, and has not been measured to stand since
         self._yields = False  # whoever drives waits until it stands
         self._hands_off = False  # the RCA moves the robot
-        self.contact: Contact | None = None
+        self.contacts = Contacts()
 
     # --- who drives --------------------------------------------------------------------------------------------------
 
@@ -221,9 +241,10 @@ class Kernel:
             self._target = ZERO
         return self._output(self._target, why or "driving", now)
 
-    def applied(self, velocity: Velocity, steered: float = 0.0) -> None:
-        """Take note of what the base was really told: ramps go on from there, but for the turn in rad/s that assistance added."""
-        self._current, self._steered = Velocity(linear=velocity.linear, angular=velocity.angular - steered), steered
+    def applied(self, velocity: Velocity) -> None:
+        """Take note of what the base was really told, where that is not what it was to be told: ramps go on from there."""
+        if velocity != self._current:
+            self._own, self._current = no_faster(self._own, velocity), velocity
 
     def measured(self, velocity: Velocity, now: float) -> None:
         """Take note of how the robot really moves."""
@@ -234,11 +255,12 @@ class Kernel:
         elif self._still_since is None:
             self._still_since = now
 
-    def touched(self) -> None:
-        """Take note of a contact: stop, and go no further that way."""
+    def touched(self, sides: Collection[Side] = ()) -> None:
+        """Take note of a contact: stop, and go no further towards it; without a side it is taken to be where the robot was going."""
         forward = self._motion.linear if self.commanded.linear == 0.0 else self.commanded.linear
-        if forward != 0.0:
-            self.contact = Contact(forward > 0.0)
+        if not sides and forward != 0.0:
+            sides = ["ahead" if forward > 0.0 else "behind"]
+        self.contacts.felt(sides)
         self._target = ZERO
         self._restless = True
 
@@ -255,13 +277,13 @@ class Kernel:
     def caps(self, now: float) -> Caps:
         """Return the largest speeds allowed now: the least of robot, lease and assistance."""
         lease = self.leases.live(now)
-        # A robot that can assist does so itself, and better: it knows where the obstacle is.
-        level = "off" if "assist" in self.capabilities else self.assist.level
+        # A collision monitor, ours or the RCA's, slows the robot down by itself, and better: it knows where the obstacle is.
+        level = "off" if self.monitor is not None or "assist" in self.capabilities else self.assist.level
         return caps(self.limits, lease.limits if lease else None, assist_speed(level, self.assist.clearance, self.limits))
 
     def inhibited(self, now: float) -> str | None:
         """Return why velocity commands cannot move the robot now, or not everywhere, in one word, or None."""
-        return self._barred(now) or ("collision" if self.contact else None)
+        return self._barred(now) or ("collision" if self.contacts else None)
 
     def braking(self, now: float) -> str | None:
         """Return why the base is to stand still now, or None while it is being driven."""
@@ -287,7 +309,7 @@ class Kernel:
     @property
     def commanded(self) -> Velocity:
         """Return the velocity that the base was last told."""
-        return Velocity(linear=self._current.linear, angular=self._current.angular + self._steered)
+        return self._current
 
     # --- stop --------------------------------------------------------------------------------------------------------
 
@@ -445,7 +467,7 @@ class Kernel:
         """Brake from the speed at which the RCA has left the robot."""
         self.navigation = None
         if self._hands_off:
-            self._current, self._steered = self.caps(self._now).clamp(speed), 0.0
+            self._own = self._current = self.caps(self._now).clamp(speed)
             self._output_at, self._hands_off = self._now, False
             self._yields = True
             self._unsettle()
@@ -495,9 +517,9 @@ class Kernel:
             del self._stops[next(iter(self._stops))]
 
     def _output(self, target: Velocity, why: str, now: float) -> Decision:
-        self._approach(target, now)
+        self._approach(target, now, shaped=target != ZERO)
         if self._yields:  # what the robot has lost of the speed at which it was left, it is not given again
-            self._current = no_faster(self._current, self._motion)
+            self._own = self._current = no_faster(self._current, self._motion)
         if self._current == ZERO and not self._restless:
             return Decision(None, "idle")
         self._output_at = now
@@ -516,22 +538,33 @@ class Kernel:
         self._output_at = now
         return Decision(self._current, "navigating")
 
-    def _approach(self, target: Velocity, now: float) -> None:
-        since, self._steered = now - self._output_at, 0.0
+    def _approach(self, target: Velocity, now: float, *, shaped: bool = False) -> None:
+        """Let a target pass limits, collision monitor (when it is to be `shaped`) and ramp."""
+        since = now - self._output_at
         if since > min(self.limits.deadman, self.watchdog):
             # So long without a word from us the base has stopped by itself; going on from the old speed would start it again.
-            self._current = ZERO
-        if self.contact:
-            self._back_away(since)
-        allowed = self.caps(now).clamp(self.contact.clamp(target) if self.contact else target)
-        self._current = ramp(self._current, allowed, self.limits, dt=since, dt_up=min(since, MAX_STEP))
+            self._own = self._current = ZERO
+        self.contacts.moved(self._current.linear * min(since, MAX_STEP))
+        step = min(since, MAX_STEP)
+        allowed = self._limited(target, now)
+        if shaped and self.monitor is not None and self.assist.level != "off":
+            allowed = self._shaped(ramp(self._own, allowed, self.limits, dt=since, dt_up=step), now)
+            self._current = ramp(self._current, allowed, self.limits, dt=since, dt_up=step)
+        else:  # who brakes stays on the course that was looked at when it was begun
+            self._own = self._current = ramp(self._current, allowed, self.limits, dt=since, dt_up=step)
 
-    def _back_away(self, seconds: float) -> None:
-        assert self.contact is not None
-        away = -self._current.linear if self.contact.forward else self._current.linear
-        self.contact.left -= max(0.0, away) * min(seconds, MAX_STEP)
-        if self.contact.left <= 0.0:
-            self.contact = None
+    def _limited(self, velocity: Velocity, now: float) -> Velocity:
+        return self.caps(now).clamp(self.contacts.clamp(velocity))
+
+    def _shaped(self, wanted: Velocity, now: float) -> Velocity:
+        """Return what the collision monitor leaves of a velocity, inside the limits."""
+        assert self.monitor is not None
+        found = self.monitor.shape(wanted, self._current, self.assist.level, now)
+        allowed = self._limited(found.velocity, now)
+        if allowed != found.velocity:  # a turn that was added is too much for a limit: less of it leads elsewhere, so look once more
+            found = self.monitor.shape(allowed, self._current, "slow", now)
+        self._own = found.own
+        return found.velocity
 
 
 def _moves(measured: Velocity) -> bool:

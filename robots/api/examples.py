@@ -31,7 +31,7 @@ _STATE = m.State(
     tilt=0.1,
     mode="assisted",
     assist="slow",
-    safety=m.Safety(estop=True, estop_source="visitor", collision=True, inhibited="estop", stop_seq=41, stop_id="stop-9"),
+    safety=m.Safety(estop=True, estop_source="visitor", collision=True, inhibited="estop", stop_seq=41, stop_id="stop-9", touched=("ahead", "left")),
     errors=("camera: no picture",),
     clearance=0.44,
     contacts=1,

@@ -90,7 +90,7 @@ class Safety(Message, frozen=True, kw_only=True):
 
     `inhibited` names the reason in one word when commands are refused for a state of the robot: `estop`, `stopped`, `no_lease`,
     `collision` (it can only be driven away from what it has touched), `fault`. `stop_seq` and `stop_id` echo the newest stop, so that its
-    sender can stop repeating it.
+    sender can stop repeating it. `touched` are the sides on which the robot has touched something that it has not backed away from yet.
     """
 
     estop: bool = False
@@ -99,6 +99,7 @@ class Safety(Message, frozen=True, kw_only=True):
     inhibited: Name | None = None
     stop_seq: Count | None = None
     stop_id: Id | None = None
+    touched: Annotated[tuple[Literal["ahead", "left", "behind", "right"], ...], Meta(max_length=4)] = ()
 
 
 class AppliedCommand(Message, frozen=True, kw_only=True):

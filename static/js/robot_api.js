@@ -45,7 +45,7 @@ const pose = object({
 });
 const velocity = object({ linear: number(-10, 10), angular: number(-20, 20) });
 const battery = object({ charge: absent(share), voltage: absent(notNegative), charging: optional(nullable(flag), false) });
-const SAFE = { estop: false, estopSource: null, collision: false, inhibited: null, stopSeq: null, stopId: null };
+const SAFE = { estop: false, estopSource: null, collision: false, inhibited: null, stopSeq: null, stopId: null, touched: [] };
 const safety = object({
   estop: optional(flag, false),
   estopSource: absent(name),
@@ -53,6 +53,7 @@ const safety = object({
   inhibited: absent(name),
   stopSeq: absent(count),
   stopId: absent(id),
+  touched: optional(list(oneOf("ahead", "left", "behind", "right"), 4), []),
 });
 const applied = object({
   seq: count,

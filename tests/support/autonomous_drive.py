@@ -1,10 +1,12 @@
 """A simulated robot that finds its way or helps its driver, and what the control loop does with its wishes."""
 
 import asyncio
+import time
 from contextlib import asynccontextmanager
 
 from robots.agent.adapters import registry
 from robots.agent.adapters.autonomy import AutonomyAdapter
+from robots.agent.collision_monitor import monitor_of
 from robots.agent.motion import ZERO
 from tests.support.patience import patient
 
@@ -16,10 +18,11 @@ def made(profile: str = "giraff", **options: str) -> AutonomyAdapter:
 
 
 class Drive:
-    """A wrapped robot whose wishes reach its wheels, as the agent's control loop does it, with everything that it says."""
+    """A robot whose wishes reach its wheels, as the agent's control loop does it, with everything that it says."""
 
     def __init__(self, adapter: AutonomyAdapter) -> None:
         self.adapter = adapter
+        self.monitor = monitor_of(adapter.profile)
         self.state = None
         self.news = []
         self.complaints = set()  # of all states: what is wrong for a moment is gone before a busy tester looks
@@ -28,12 +31,13 @@ class Drive:
         self._changed = asyncio.Condition()
 
     async def read(self):
-        async for state in self.adapter.states():
-            self.state = state
+        async for reading in self.adapter.states():
+            self.monitor.sense(reading, time.monotonic())
+            state = self.state = self.adapter.located(reading, self.monitor.points())
             self.complaints.update(state.errors)
             wanted = self.adapter.wanted()
             if wanted is not None:
-                self.told = self.adapter.proceed(wanted)
+                self.told = self.adapter.apply(wanted)
             elif self.driver is not None:
                 self.told = self.adapter.apply(self.driver)
             await self._say_so()

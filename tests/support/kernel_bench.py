@@ -34,10 +34,11 @@ class Bench:
     wanted: m.Velocity | None = None  # what the agent's own navigation wants
     motion: m.Velocity | None = None  # how the robot moves, when that is not what it was told
     capabilities: frozenset[str] = CAPABILITIES
+    monitor: Any = None
     outputs: list[tuple[float, Decision]] = field(default_factory=list)
 
     def __post_init__(self):
-        self.kernel = Kernel(self.limits, self.watchdog, self.capabilities, latch=self.latch)
+        self.kernel = Kernel(self.limits, self.watchdog, self.capabilities, latch=self.latch, monitor=self.monitor)
 
     @property
     def unix(self):
@@ -47,11 +48,11 @@ class Bench:
         lease = m.Lease(session=session, epoch=epoch, peer=peer, who="Ada", renewal=renewal, stamp=self.unix, **fields)
         return self.kernel.take_lease(lease, retained=retained, now=self.now)
 
-    def know_clock(self, peer="p1", *, offset=DRIVER_CLOCK, echoes=3):
+    def know_clock(self, peer="p1", *, offset=DRIVER_CLOCK, echoes=3, every=0.02):
         for _ in range(echoes):
             beat = self.kernel.clocks.beat(self.now, self.unix)
             there = self.unix + 0.01 + offset
-            self.now += 0.02
+            self.now += every
             answer = m.CommandHeartbeat(n=beat.n, stamp=there, peer=peer, echo=m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=there))
             self.kernel.clocks.heard(peer, "mqtt", answer, now=self.now, unix=self.unix)
             self.kernel.heard(peer, "mqtt", self.now)

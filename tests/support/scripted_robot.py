@@ -174,24 +174,20 @@ class NavigatingRobot(ScriptedRobot):
 
 
 class SelfDrivingRobot(ScriptedRobot):
-    """One whose navigation runs in the agent (contract.SelfDriving): `wish` is what it wants while an action runs."""
+    """One whose navigation runs in the agent (contract.Navigating): `wish` is what it wants while an action runs."""
 
     wish = ZERO
-    steered = 0.0
+    dock = None
 
     def __post_init__(self):
         super().__post_init__()
-        self.assist, self.floorplans, self.proceeded = [], [], []
+        self.floorplans = []
 
     def wanted(self):
         return self.wish if self.started and self.started[-1].action_id not in self.cancelled else None
 
-    def proceed(self, velocity):
-        self.proceeded.append(velocity)
-        return self.apply(velocity)
-
-    def set_assist(self, level):
-        self.assist.append(level)
+    def located(self, reading, points):
+        return reading
 
     def take_floorplan(self, update):
         self.floorplans.append(update)

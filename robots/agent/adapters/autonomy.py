@@ -1,10 +1,12 @@
-"""Localization, navigation and assistance for a robot that has none: wraps any adapter that gives velocity, odometry and a laser.
+"""Localization and navigation for a robot that lacks them: beside any adapter that gives velocity, odometry and a laser.
 
-    inner adapter ──reading──► Guard (here, at once) ──► what a driver asks for, shaped
-                        └────► Mind (a process of its own) ──► pose, what an action wants, the path
+    inner adapter ──reading──► Mind (a process of its own) ──► pose, what an action wants, the path
 
-What navigation wants goes through the safety kernel like a visitor's wish (contract.SelfDriving). A mind that is late makes the robot
-stand; one that stays silent is given up, its action fails with the reason, and the next mind begins where the robot was known last.
+Chosen one by one: what the RCA names among its capabilities stays its own. Where it knows its pose, that feeds our navigation.
+
+It adds actions, a pose and a path, and has no part in what the base is told: what navigation wants goes through the safety kernel like a
+visitor's wish (contract.Navigating). A mind that is late makes the robot stand; one that stays silent is given up, its action fails with
+the reason, and the next mind begins where the robot was known last.
 
 Longer than most files: it is every member of the contract, in its order.
 """
@@ -33,58 +35,58 @@ from robots.agent.adapters.contract import (
     outputs_of,
 )
 from robots.agent.autonomy import wire
-from robots.agent.autonomy.area import AreaError, own_dock, plan_of
-from robots.agent.autonomy.guard import Guard
+from robots.agent.autonomy.area import dock_of
 from robots.agent.autonomy.perception import Body, Perception, Thought, beams_of
 from robots.agent.autonomy.whereabouts import Whereabouts
 from robots.agent.cadence import Cadence
 from robots.agent.ledger import ENDED
 from robots.agent.motion import ZERO
-from robots.agent.reading import UnsoundReadingError, sound
-from robots.agent.world.sensing import Beams
+from robots.agent.world.sensing import Beams, Floats
 from robots.api.floorplan import Dock as Station
 from robots.api.geometry import Pose2D
-from robots.api.messages import Action, AssistLevel, Capability, FloorPlanUpdate, Laser, Point, Relocalize, Velocity
+from robots.api.messages import Action, Capability, FloorPlanUpdate, Laser, Point, Relocalize, Velocity
 
 THINKING = 0.1  # seconds between two perceptions
 LATE = 0.3  # seconds without a thought after which the robot stands
 STUCK, STUCK_IDLE = 1.0, 3.0  # and after which the mind is given up: while it drives, while it does not
 START_SPREAD, START_TURN = 0.15, math.radians(8.0)  # how exactly somebody puts a robot where it begins
 AGAIN_SPREAD, AGAIN_TURN = 0.25, math.radians(15.0)  # and how far it may have gone since it was known last
-OURS: tuple[Capability, ...] = ("localization", "goto", "follow", "dock", "undock", "relocalize", "assist")
+OURS: tuple[Capability, ...] = ("localization", "goto", "follow", "dock", "undock", "relocalize")
+LOCALIZATION: frozenset[Capability] = frozenset({"localization", "relocalize"})
 
 log = logging.getLogger(__name__)
 
 
 def wrapped(inner: Adapter, area: FloorPlanUpdate | None, memory: Path | None = None) -> Adapter:
-    """Return the adapter with autonomy, or as it is when it localizes itself or has no laser.
+    """Return the adapter with the localization and the navigation that its RCA lacks, or as it is when that has both, or no laser.
 
-    `area` is the site it stands in, None when the server will say so; `memory` is the file that keeps where it stood.
+    An RCA that localizes itself and goes nowhere by itself gets our navigation on its own pose. `area` is the site it stands in, None when
+    the server will say so; `memory` is the file that keeps where it stood.
     """
     profile = inner.profile
-    if profile.laser is None or "localization" in profile.capabilities:
+    if profile.laser is None or {"localization", "goto"} <= set(profile.capabilities):
         return inner
     return AutonomyAdapter(inner, profile.laser, area, memory)
 
 
 class AutonomyAdapter:
-    """See contract.Adapter and contract.SelfDriving."""
+    """See contract.Adapter and contract.Navigating."""
 
     def __init__(
         self, inner: Adapter, laser: Laser, area: FloorPlanUpdate | None, memory: Path | None = None, now: Callable[[], float] = time.monotonic
     ) -> None:
         own = inner.profile
         self.inner = inner
-        self._ours = frozenset(OURS) - frozenset(own.capabilities)
+        self._localizes = "localization" in own.capabilities
+        self._ours = frozenset(OURS) - frozenset(own.capabilities) - (LOCALIZATION if self._localizes else frozenset())
         self.profile: Profile = replace(own, capabilities=(*own.capabilities, *(name for name in OURS if name in self._ours)))
         self._laser, self._now = laser, now
         self._knows_site = area is not None
         self._memory = PoseMemory(memory)
-        self._guard = Guard(own.footprint, own.limits)
         self._whereabouts = Whereabouts()
-        self.mind = MindProcess(Body(own.series, own.footprint, own.limits), thought=self._think, settled=self._place)
+        self.mind = MindProcess(Body(own.series, own.footprint, own.limits, self._localizes), thought=self._think, settled=self._place)
         self._area: FloorPlanUpdate | None = None
-        self._dock: Station | None = None
+        self.dock: Station | None = None
         self._news: asyncio.Queue[ActionProgress | AdapterError] = asyncio.Queue()
         self._due = Cadence(THINKING)
         self._last: RcaState | None = None
@@ -109,28 +111,12 @@ class AutonomyAdapter:
         self.mind.run()
 
     def apply(self, velocity: Velocity) -> Velocity:
-        """Send what the assistance makes of a driver's velocity.
+        """Send a velocity.
 
         Raises:
             AdapterError: the RCA is gone.
         """
-        if self._guard.level == "off":
-            return self.proceed(velocity)
-        return self.inner.apply(self._guard.shape(velocity, self._now(), self._dock_seen()).velocity)
-
-    def proceed(self, velocity: Velocity) -> Velocity:
-        """Send a velocity as it is.
-
-        Raises:
-            AdapterError: the RCA is gone.
-        """
-        self._guard.leave(velocity)
         return self.inner.apply(velocity)
-
-    @property
-    def steered(self) -> float:
-        """The turn in rad/s that the assistance added to what was applied last."""
-        return self._guard.steered
 
     def wanted(self) -> Velocity | None:
         """Return what the running action wants, to stand when its mind is late, None without one."""
@@ -138,10 +124,6 @@ class AutonomyAdapter:
             return None
         late = self._now() - self._heard_at > LATE
         return ZERO if late or self._wish is None else self._wish
-
-    def set_assist(self, level: AssistLevel) -> None:
-        """Help the driver that much."""
-        self._guard.level = level
 
     def take_floorplan(self, update: FloorPlanUpdate) -> None:
         """Think in the server's map, unless the robot's own configuration names the site."""
@@ -178,15 +160,14 @@ class AutonomyAdapter:
         await self.inner.cancel(action_id)
 
     async def states(self) -> AsyncIterator[RcaState]:
-        """Yield the RCA's states with our pose, clearance and path in them.
+        """Yield the RCA's states; `located` puts our pose and path in them.
 
         Raises:
             AdapterError: the RCA is gone.
         """
         try:
             async for reading in self.inner.states():
-                self.mind.check()
-                yield self._enriched(reading)
+                yield reading
         finally:
             self._end_all("the robot was lost")
 
@@ -234,42 +215,35 @@ class AutonomyAdapter:
             await self.inner.close()
         finally:
             await self.mind.close()
-            if self._area is not None and self._last is not None and self._whereabouts.trusted:
+            if self._area is not None and self._last is not None and self._whereabouts.trusted and not self._localizes:
                 await self._memory.close(self._area.map_id, self._whereabouts.place(self._last.odometry))
 
     # --- readings ----------------------------------------------------------------------------------------------------
 
-    def _enriched(self, reading: RcaState) -> RcaState:
-        try:
-            reading = sound(reading)
-        except UnsoundReadingError:
-            return reading  # whoever gets it says so; nothing of it is perceived
-        now = self._now()
-        self._perceive(reading, now)
-        self._watch(now)
-        why, point = self._guard.why(now)
-        pose = self._whereabouts.pose(reading.odometry, now)
-        if pose.localized and self._area is not None:
-            self._memory.note(self._area.map_id, Pose2D(pose.x, pose.y, pose.theta), now)
-        return replace(
-            reading,
-            pose=pose,
-            clearance=self._guard.clearance() if reading.clearance is None else reading.clearance,
-            errors=(*reading.errors, *self._complaints(reading)),
-            path=self._path,
-            assist_why=why,
-            assist_point=point,
-        )
+    def located(self, reading: RcaState, points: Floats) -> RcaState:
+        """Perceive a reading and what stands about, points (n, 2) in the robot's frame; return it with our pose, path and complaints.
 
-    def _perceive(self, reading: RcaState, now: float) -> None:
+        Raises:
+            OSError, RuntimeError: the task that keeps a mind alive has ended so.
+        """
+        self.mind.check()
+        now = self._now()
+        self._perceive(reading, points, now)
+        self._watch(now)
+        pose = reading.pose if self._localizes else self._whereabouts.pose(reading.odometry, now)
+        if pose.localized and self._area is not None and not self._localizes:
+            self._memory.note(self._area.map_id, Pose2D(pose.x, pose.y, pose.theta), now)
+        return replace(reading, pose=pose, errors=(*reading.errors, *self._complaints(reading)), path=self._path)
+
+    def _perceive(self, reading: RcaState, points: Floats, now: float) -> None:
         if reading.odometry is None:
             return
         self._last = reading
         beams = None if reading.scan is None else beams_of(reading.scan, self._laser)
         self._beams = beams or self._beams
-        self._guard.sense(reading.stamp, reading.odometry, beams, now)
         if self.mind.ready and self._due.due(now):
-            moment = Perception(reading.stamp, reading.odometry, reading.velocity, reading.charger_contact, self._beams, self._guard.points())
+            pose = reading.pose if self._localizes else None
+            moment = Perception(reading.stamp, reading.odometry, reading.velocity, reading.charger_contact, self._beams, points, pose)
             new = self._beams is not None and self._beams.stamp != self._told_sweep
             if self.mind.say(wire.perceive(moment, new=new)) and self._beams is not None:
                 self._told_sweep = self._beams.stamp
@@ -277,24 +251,15 @@ class AutonomyAdapter:
     def _complaints(self, reading: RcaState) -> tuple[str, ...]:
         if reading.odometry is None:
             return ("the robot gives no odometry",)
+        if self._localizes and self._area is None:
+            return ()  # a robot that needs nothing of ours to be driven is not at fault for want of a map
         return () if self.mind.ready else (f"navigation: {self.mind.problem}",)
-
-    def _dock_seen(self) -> Pose2D | None:
-        """Return the docked robot's pose seen from the robot, when it knows where both are."""
-        if self._dock is None or self._last is None or not self._whereabouts.pose(self._last.odometry, self._now()).localized:
-            return None
-        here = self._whereabouts.place(self._last.odometry)
-        return None if here is None else here.inverse().compose(Pose2D(self._dock.x, self._dock.y, self._dock.theta))
 
     # --- the mind ----------------------------------------------------------------------------------------------------
 
     def _settle(self, area: FloorPlanUpdate) -> None:
         self._area = area
-        try:
-            self._dock = own_dock(plan_of(area), self.profile.series)
-        except AreaError as error:
-            self._dock = None
-            log.warning("plan_refused reason=%r", str(error))
+        self.dock = dock_of(area, self.profile.series)
         self._whereabouts = Whereabouts()
         self.mind.settle(area)
 

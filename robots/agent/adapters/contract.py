@@ -12,12 +12,13 @@ from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
+from robots.api.floorplan import Dock as Station
 from robots.api.geometry import Pose2D
 from robots.api.messages import (
     Action,
     ActionState,
-    AssistLevel,
     Battery,
     Camera,
     Capability,
@@ -39,6 +40,31 @@ class AdapterError(Exception):
     """The robot control architecture cannot be reached, or said no; the message is one sentence for the robot's owner."""
 
 
+class Sonar(Struct, frozen=True, forbid_unknown_fields=True):
+    """A sensor that measures the distance of the nearest thing in a cone: ultrasound, or infrared.
+
+    It sits at `x`, `y` in the robot's frame and looks along `theta`; `width` is the whole angle of its cone, in radians. It measures
+    nothing beyond `farthest` metres, and what is nearer than `nearest` as that.
+    """
+
+    x: float
+    y: float
+    theta: float
+    width: float = 0.52
+    nearest: float = 0.0
+    farthest: float = 4.0
+
+
+class DepthCamera(Struct, frozen=True, forbid_unknown_fields=True):
+    """Where the points of `RcaState.points` are seen from, as `Sonar`: the middle of the view, its whole angle, and how far it reaches."""
+
+    x: float = 0.0
+    y: float = 0.0
+    theta: float = 0.0
+    width: float = 1.0
+    farthest: float = 4.0
+
+
 @dataclass(frozen=True)
 class Profile:
     """What is fixed about a robot, known before `connect()`: the adapter's share of the factsheet.
@@ -46,7 +72,9 @@ class Profile:
     `footprint` is a convex polygon of (x, y) in the robot's frame; `watchdog` the seconds after which the base stops by itself
     when the agent is dead or stuck. An adapter without a watchdog is refused.
 
-    An adapter that gives odometry and scans, and has no localization of its own, gets ours (autonomy.py) when it names its `laser`.
+    What else a robot gets follows from what is named here, one by one: who names sensors for obstacles gets a collision monitor and
+    assistance (obstacle_sources.py), and who names a `laser` gets the localization and the navigation that it lacks (autonomy.py).
+    Sensors for obstacles are `laser` (readings have `scan`), `sonars` (`sonar`), `bumper` (`bumper`) and `depth` (`points`).
     `plan` is the site where such a robot stands, a shipped name or a folder, and `start` where it stands there when it is connected
     first; both are empty when the RCA cannot know.
     """
@@ -60,9 +88,29 @@ class Profile:
     camera: Camera | None = None
     tilt: TiltRange | None = None
     laser: Laser | None = None
+    sonars: tuple[Sonar, ...] = ()
+    bumper: bool = False
+    depth: DepthCamera | None = None
     map_id: str = ""
     plan: str = ""
     start: Pose2D | None = None
+
+
+@dataclass(frozen=True)
+class SonarEcho:
+    """One measurement of one of `Profile.sonars`, by its index: metres from the sensor, None where nothing came back."""
+
+    sonar: int
+    stamp: float
+    distance: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class ObstaclePoints:
+    """What a depth camera sees of obstacles at `stamp`: (n, 2) in the robot's frame, metres, the floor and what is overhead left out."""
+
+    stamp: float
+    points: npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -74,8 +122,9 @@ class RcaState:
     `clearance` is the distance in metres from the footprint to the nearest thing, None when unknown. `contacts` counts the
     collisions that began since connect(), `distance` the metres driven since then. `estop` is true while the robot's own
     emergency button is pressed. `path` is what the robot follows by itself, in map metres, () when that is nothing, None when unknown.
-    `assist_why` and `assist_point` say what the assistance minds, as in `messages.State`. `battery` and `tilt` have None for what the
-    robot does not know: never a guess.
+    `scan`, `sonar` and `points` are what is new since the reading before. `bumper` has the directions, in radians in the robot's frame, in
+    which something touches the robot now: () nothing, None when that is not known. `assist_why` and `assist_point` say what the assistance
+    of an RCA that has one minds, as in `messages.State`. `battery` and `tilt` have None for what the robot does not know: never a guess.
     """
 
     stamp: float
@@ -94,6 +143,9 @@ class RcaState:
     path: tuple[Point, ...] | None = None
     assist_why: str = ""
     assist_point: Point | None = None
+    sonar: tuple[SonarEcho, ...] = ()
+    bumper: tuple[float, ...] | None = None
+    points: ObstaclePoints | None = None
 
 
 @dataclass(frozen=True)
@@ -254,26 +306,25 @@ class Adapter(Protocol):
 
 
 @runtime_checkable
-class SelfDriving(Protocol):
-    """What an adapter offers besides when navigation and assistance run in the agent, so that the safety kernel rules them too.
+class Navigating(Protocol):
+    """What an adapter offers besides when localization or navigation run in the agent, so that the safety kernel rules them too.
 
-    `steered` is the turn in rad/s that the assistance added to what `apply` returned last, 0 after `proceed`.
+    `dock` is this robot's own on the map, None when there is not exactly one.
     """
 
-    steered: float
+    @property
+    def dock(self) -> Station | None:
+        """Where the robot stands when it is docked."""
 
     def wanted(self) -> Velocity | None:
         """Return the velocity that a running action wants now, None when none does; an old wish is a wish to stand."""
 
-    def proceed(self, velocity: Velocity) -> Velocity:
-        """As `apply`, for what the kernel has made of `wanted()`: nothing assists the robot against itself.
+    def located(self, reading: RcaState, points: npt.NDArray[np.float64]) -> RcaState:
+        """Take a reading of `states()`, and (n, 2) points of obstacles in the robot's frame; return it with pose, path and complaints.
 
         Raises:
-            AdapterError: the RCA is gone.
+            AdapterError: what looks after navigation has ended.
         """
-
-    def set_assist(self, level: AssistLevel) -> None:
-        """Shape from now on what `apply` is given, as much as `level` says."""
 
     def take_floorplan(self, update: FloorPlanUpdate) -> None:
         """Take the map of the site from the server."""

@@ -10,7 +10,7 @@ from collections import deque
 
 import msgspec
 
-from robots.agent.adapters.contract import NOWHERE, UNKNOWN_BATTERY, RcaState
+from robots.agent.adapters.contract import NOWHERE, UNKNOWN_BATTERY, ObstaclePoints, RcaState, SonarEcho
 from robots.agent.adapters.robot_profile import BatteryRange
 from robots.agent.motion import ZERO
 from robots.api.geometry import Pose2D, wrap_angle
@@ -51,6 +51,9 @@ class Readings:
         self._scan: Scan | None = None
         self._distance = 0.0
         self._touching = False
+        self._bumper: tuple[float, ...] | None = None
+        self._sonar: deque[SonarEcho] = deque(maxlen=REMEMBERED)
+        self._points: ObstaclePoints | None = None
         self._contacts = 0
         self._said = self._stamp = 0.0
 
@@ -92,10 +95,18 @@ class Readings:
         self._battery = Battery(charge=known, voltage=voltage, charging=charging)
         self.charger_contact = charging is True
 
-    def bumped(self, *, touching: bool) -> None:
-        """Take the bumpers: a contact begins when one is pressed."""
+    def bumped(self, *, touching: bool, bearings: tuple[float, ...] | None = None) -> None:
+        """Take the bumpers: a contact begins when one is pressed; `bearings` are where, in radians in the robot's frame, None if unknown."""
         self._contacts += touching and not self._touching
-        self._touching = touching
+        self._touching, self._bumper = touching, bearings
+
+    def echoed(self, sonar: int, distance: float | None, stamp: float) -> None:
+        """Take what one of the profile's sonars has measured: metres, None where nothing came back."""
+        self._sonar.append(SonarEcho(sonar, stamp, distance))
+
+    def saw(self, points: ObstaclePoints) -> None:
+        """Take what a depth camera sees of obstacles."""
+        self._points = points
 
     @property
     def velocity(self) -> Velocity:
@@ -111,14 +122,18 @@ class Readings:
         return msgspec.structs.replace(self._fix, x=x, y=y, theta=theta)
 
     def state(self, unix: float) -> RcaState:
-        """Return all of it; a scan is told once. Stamps grow: what only repeats what was known is stamped `unix`, now."""
+        """Return all of it; what obstacles were seen is told once. Stamps grow: what only repeats what was known is stamped `unix`, now."""
         stamp = self._said if self.fresh else unix
         self._stamp = max(stamp, self._stamp + TICK)
         self.fresh = False
         scan, self._scan = self._scan, None
+        points, self._points = self._points, None
+        sonar = tuple(self._sonar)
+        self._sonar.clear()
         return RcaState(
             stamp=self._stamp, pose=self.pose, velocity=self.velocity, battery=self._battery, charger_contact=self.charger_contact, tilt=self.tilt,
             contacts=self._contacts, distance=self._distance, scan=scan, errors=self.errors, estop=self.estop, odometry=self.odometry,
+            sonar=sonar, bumper=self._bumper, points=points,
         )  # fmt: skip
 
     def _heard(self, stamp: float, now: float) -> None:

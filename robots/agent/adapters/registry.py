@@ -65,7 +65,7 @@ def _module(name: str) -> ModuleType:
 
 
 def autonomous(adapter: Adapter, plan: str = "", memory: Path | None = None) -> Adapter:
-    """Return the adapter with our localization, navigation and assistance when it has a laser and none of its own.
+    """Return the adapter with the localization and the navigation that it lacks, when it has a laser.
 
     Args:
         adapter: as `create` returned it.

@@ -46,6 +46,7 @@ def profile_of(robot: RobotProfile, rca: str, watchdog: float, *, own: tuple[Cap
     return Profile(
         series=robot.series, rca=rca, capabilities=capabilities, limits=robot.limits, footprint=robot.footprint, watchdog=watchdog,
         tilt=robot.tilt if tilts else None, laser=robot.laser if "scan" in own else None, camera=robot.camera,
+        sonars=robot.sonars, bumper=robot.bumper, depth=robot.depth,
     )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 series = "giraff"                      how the site calls this kind of robot
 footprint = [[0.3, -0.2], …]           convex, metres in the robot's frame
 [limits]  [tilt]  [laser]  [camera]  [battery]   as in the factsheet; SI units and radians
+[[sonars]]  bumper = true  [depth]       sensors for obstacles, as in contract.py, whose readings the adapter gives
 [moos]  [ros1]  …                      what one adapter must know about this robot; options of the command line overrule it
 
 Each adapter's table states its `watchdog`, the seconds after which the base stops by itself when velocities no longer come: no adapter has
@@ -19,7 +20,7 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import Struct
 
-from robots.agent.adapters.contract import AdapterError
+from robots.agent.adapters.contract import AdapterError, DepthCamera, Sonar
 from robots.agent.motion import check_times
 from robots.api.messages import Camera, Laser, Limits, Name, Point, TiltRange
 
@@ -50,11 +51,14 @@ class RobotProfile(Struct, frozen=True):
     laser: Laser | None = None
     camera: Camera | None = None
     battery: BatteryRange | None = None
+    sonars: tuple[Sonar, ...] = ()
+    bumper: bool = False
+    depth: DepthCamera | None = None
     adapters: dict[str, dict[str, Any]] = {}
 
 
 SECTIONS: dict[str, type[Struct]] = {"limits": Limits, "tilt": TiltRange, "laser": Laser, "camera": Camera, "battery": BatteryRange}
-SHARED = frozenset({"series", "footprint", *SECTIONS})
+SHARED = frozenset({"series", "footprint", "sonars", "bumper", "depth", *SECTIONS})
 
 
 def nearest(word: str, known: Collection[str]) -> str:

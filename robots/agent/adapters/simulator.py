@@ -1,8 +1,9 @@
 """The simulated robot, in a process of its own: started as a child of the agent, or found at an address.
 
 Options: `plan` (a shipped site or a folder), `seed`, `start`, `charge`, `people` (how many walk about), `door-changes` (seconds
-between doors that move by themselves), `fps` (pictures a second), `linger`, `camera` ("no": without pictures), or `address`
-(host:port of a running `python -m robots.agent.simulator`, whose profile must be the same).
+between doors that move by themselves), `fps` (pictures a second), `linger`, `camera` ("no": without pictures), `sensors` (for obstacles,
+some of "laser", "sonar", "bumper", with commas), or `address` (host:port of a running `python -m robots.agent.simulator`, whose profile
+must be the same).
 
 Longer than most files: it is every member of the contract, in its order.
 """
@@ -14,13 +15,13 @@ import logging
 import subprocess
 import time
 from collections import deque
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Collection, Mapping
 from typing import Any
 
 import numpy as np
 
 from robots.agent import framing
-from robots.agent.adapters.contract import NOWHERE, ActionProgress, AdapterError, AudioSource, Profile, RcaState, VideoSource
+from robots.agent.adapters.contract import NOWHERE, ActionProgress, AdapterError, AudioSource, Profile, RcaState, Sonar, SonarEcho, VideoSource
 from robots.agent.adapters.robot_profile import nearest
 from robots.agent.adapters.simulator_child import end, launch
 from robots.agent.adapters.simulator_media import SimulatorCamera, SimulatorMicrophone
@@ -33,7 +34,8 @@ from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D
 from robots.api.messages import Action, Battery, Capability, Config, Laser, Scan, Tilt, Velocity
 
-OPTIONS = ("plan", "seed", "start", "charge", "people", "door-changes", "fps", "linger", "camera", "address")
+OPTIONS = ("plan", "seed", "start", "charge", "people", "door-changes", "fps", "linger", "camera", "sensors", "address")
+SENSORS = ("laser", "sonar", "bumper")
 GREETING_TIME = 4.0
 SILENCE = 1.0  # the simulator speaks fifty times a second
 BACKLOG = 64 << 10
@@ -61,7 +63,7 @@ def create(profile_name: str, options: Mapping[str, Any]) -> "SimulatorAdapter":
         raise AdapterError(str(error)) from error
     has_camera = str(options.get("camera", "yes")) != "no"
     known = {**options, "plan": str(directory)}
-    profile = profile_of(model, plan.map_id, has_camera=has_camera)
+    profile = fitted(profile_of(model, plan.map_id, has_camera=has_camera), model, _sensors(options))
     return SimulatorAdapter(dataclasses.replace(profile, plan=str(directory), start=_start(plan, model, options)), model, known)
 
 
@@ -82,6 +84,28 @@ def profile_of(model: RobotModel, map_id: str, *, has_camera: bool = True) -> Pr
         series=model.series, rca="simulator", capabilities=tuple(capabilities), limits=model.limits, footprint=model.footprint,
         watchdog=model.watchdog, camera=model.camera if has_camera else None, tilt=model.tilt, laser=_laser(model), map_id=map_id,
     )  # fmt: skip
+
+
+def fitted(profile: Profile, model: RobotModel, sensors: Collection[str]) -> Profile:
+    """Return the profile of a robot that has only these sensors for obstacles."""
+    has_laser = "laser" in sensors
+    cones = model.sonar
+    sonars = tuple(Sonar(*mount, cones.width, cones.nearest, cones.farthest) for mount in cones.mounts(model.footprint))
+    return dataclasses.replace(
+        profile,
+        capabilities=tuple(name for name in profile.capabilities if name != "scan" or has_laser),
+        laser=profile.laser if has_laser else None,
+        sonars=sonars if "sonar" in sensors else (),
+        bumper="bumper" in sensors,
+    )
+
+
+def _sensors(options: Mapping[str, Any]) -> tuple[str, ...]:
+    named = tuple(name.strip() for name in str(options.get("sensors", "laser")).split(",") if name.strip())
+    unknown = sorted(set(named) - set(SENSORS))
+    if unknown:
+        raise AdapterError(f"the simulator has no sensor {unknown[0]}; {nearest(unknown[0], SENSORS)}")
+    return named
 
 
 def _laser(model: RobotModel) -> Laser:
@@ -113,6 +137,7 @@ class SimulatorAdapter:
         self._progress: asyncio.Queue[ActionProgress] = asyncio.Queue()
         self._news = asyncio.Event()
         self._scan: Scan | None = None
+        self._echoes: list[SonarEcho] = []
         self._odometry: Pose2D | None = None
         self._distance = 0.0
         self._truth: wire.Truth | None = None
@@ -324,11 +349,14 @@ class SimulatorAdapter:
                 self._states.append(self._state(message))
                 self._watch_tilt(message)
                 self._news.set()
-            case wire.Ranges(stamp, ranges):
+            case wire.Ranges(stamp, ranges) if self.profile.laser is not None:
                 self._scan = self._scan_of(stamp, ranges)
+            case wire.Echoes(stamp, echoes) if self.profile.sonars:
+                self._echoes += [SonarEcho(index, stamp, distance) for index, distance in echoes]
 
     def _state(self, truth: wire.Truth) -> RcaState:
         scan, self._scan = self._scan, None
+        sonar, self._echoes = tuple(self._echoes), []
         before, odometry = self._odometry, Pose2D(*truth.odometry)
         self._distance += before.distance(odometry) if before is not None else 0.0
         self._odometry = odometry
@@ -344,6 +372,8 @@ class SimulatorAdapter:
             scan=scan,
             errors=truth.errors,
             odometry=odometry,
+            sonar=sonar,
+            bumper=truth.bumper if self.profile.bumper else None,
         )
 
     def _scan_of(self, stamp: float, data: bytes) -> Scan:

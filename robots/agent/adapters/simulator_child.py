@@ -29,6 +29,8 @@ def launch(series: str, options: Mapping[str, Any]) -> tuple[subprocess.Popen[by
     command += [f"--{name}={options[name]}" for name in ("plan", "seed", "start", "charge", "people", "door-changes", "fps") if name in options]
     if str(options.get("camera", "yes")) == "no":
         command.append("--no-camera")
+    if "sonar" in str(options.get("sensors", "")):
+        command.append("--sonar")
     # Out of the terminal's process group: on Ctrl-C the agent brakes and ends it, in this order.
     # One thread for linear algebra: its matrices are small, and its idle threads would spin beside the agent.
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}

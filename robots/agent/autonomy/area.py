@@ -5,6 +5,7 @@ import binascii
 import hashlib
 import io
 import json
+import logging
 from dataclasses import dataclass
 
 from robots.agent.world.grid import MapError, OccupancyGrid, decode_grey, encode_png
@@ -13,6 +14,8 @@ from robots.api import floorplan
 from robots.api.floorplan import Dock, FloorPlan, FloorPlanError
 from robots.api.geometry import MapTransform, Pose2D
 from robots.api.messages import FloorPlanUpdate
+
+log = logging.getLogger(__name__)
 
 
 class AreaError(ValueError):
@@ -76,3 +79,12 @@ def own_dock(plan: FloorPlan | None, series: str) -> Dock | None:
     """Return the dock of a series of robots when there is exactly one: then a docked robot knows where it is."""
     docks = [dock for dock in plan.docks if dock.type == series] if plan else []
     return docks[0] if len(docks) == 1 else None
+
+
+def dock_of(update: FloorPlanUpdate, series: str) -> Dock | None:
+    """Return the same for a `floorplan` message; None also when its plan cannot be used."""
+    try:
+        return own_dock(plan_of(update), series)
+    except AreaError as error:
+        log.warning("plan_refused reason=%r", str(error))
+        return None

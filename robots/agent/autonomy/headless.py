@@ -6,14 +6,15 @@ import numpy as np
 
 from robots.agent.adapters.contract import ActionProgress
 from robots.agent.autonomy.area import Area
-from robots.agent.autonomy.guard import Guard
 from robots.agent.autonomy.mind import Mind
 from robots.agent.autonomy.perception import Body, Perception, Thought
 from robots.agent.autonomy.whereabouts import Whereabouts
 from robots.agent.cadence import Cadence
+from robots.agent.collision_monitor import CollisionMonitor
 from robots.agent.motion import ZERO
+from robots.agent.obstacle_sources import LaserSource
 from robots.api.geometry import Pose2D
-from robots.api.messages import Action, AssistLevel, Point, Pose, Velocity
+from robots.api.messages import Action, AssistLevel, Laser, Point, Pose, Velocity
 
 THINKING = 0.1  # seconds between two thoughts
 
@@ -30,7 +31,9 @@ class Headless:
         Raises:
             AreaError: nothing can find its way there.
         """
-        self.guard = Guard(body.footprint, body.limits)
+        self._laser = LaserSource(Laser(x=0.0))  # sweeps come with their mount
+        self.monitor = CollisionMonitor(body.footprint, body.limits, [self._laser])
+        self._told = ZERO
         self.mind = Mind(area, body, rng)
         self.whereabouts = Whereabouts()
         self.news: list[ActionProgress] = []
@@ -61,18 +64,20 @@ class Headless:
         """Take a moment, its newest sweep included, and return what the running action wants, ZERO without one; 20 Hz or more."""
         before, self._moment = self._moment, moment
         new = moment.beams is not None and (before is None or moment.beams is not before.beams)
-        self.guard.sense(moment.stamp, moment.odometry, moment.beams if new else None, moment.stamp)
+        self.monitor.moved(moment.stamp, moment.odometry)
+        if new and moment.beams is not None:
+            self._laser.look(moment.beams, self.monitor.track, moment.stamp)
         if self._due.due(moment.stamp):
-            self.thought = self.mind.think(replace(moment, points=self.guard.points()))
+            self.thought = self.mind.think(replace(moment, points=self.monitor.points()))
             self.whereabouts.take(self.thought, moment.stamp)
             self.news += self.thought.news
             self.path = self.path if self.thought.path is None else self.thought.path
         wanted = self.thought.wanted if self.thought else None
         if wanted is not None:
-            self.guard.leave(wanted)
+            self._told = wanted
         return wanted or ZERO
 
     def assist(self, wanted: Velocity, level: AssistLevel) -> Velocity:
         """Return what a driver who asks for `wanted` gets at a level of assistance."""
-        self.guard.level = level
-        return self.guard.shape(wanted, self._moment.stamp if self._moment else 0.0).velocity
+        self._told = self.monitor.shape(wanted, self._told, level, self._moment.stamp if self._moment else 0.0).velocity
+        return self._told

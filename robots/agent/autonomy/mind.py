@@ -2,6 +2,7 @@
 
     perception ──► localizer ──► navigator ──► thought: pose, the velocity that an action wants, news of actions, the path
 
+The localizer is ours, or the pose that a robot which localizes itself reports.
 Pure: it lives on perceptions, which it should get ten to twenty times a second, and its clock is their stamps.
 """
 
@@ -15,6 +16,7 @@ from robots.agent.autonomy.area import Area, AreaError, own_dock
 from robots.agent.autonomy.perception import Body, Perception, Thought
 from robots.agent.cadence import Cadence
 from robots.agent.localization.localizer import Localizer
+from robots.agent.localization.reported import ReportedLocalizer
 from robots.agent.motion import ZERO
 from robots.agent.navigation.costmap import NoWayError
 from robots.agent.navigation.navigator import Navigator
@@ -58,7 +60,7 @@ class Mind:
         self._area = area
         self._dock = own_dock(area.plan, body.series)
         try:
-            self.localizer = Localizer(area.grid, rng)
+            self.localizer: Localizer | ReportedLocalizer = ReportedLocalizer() if body.localizes else Localizer(area.grid, rng)
             self.navigator = Navigator(area.grid, area.plan, np.array(body.footprint), body.limits, body.series)
         except (MapError, NoWayError) as error:
             raise AreaError(str(error)) from error
@@ -151,6 +153,8 @@ class Mind:
         """Return what follows from one moment."""
         self._now = perception.stamp
         self._anchor(perception)
+        if isinstance(self.localizer, ReportedLocalizer):
+            self.localizer.report(perception.pose)
         estimate = self.estimate = self.localizer.update(perception.stamp, perception.odometry, perception.beams)
         self._watch_search(estimate)
         wanted = self._drive(estimate, perception)

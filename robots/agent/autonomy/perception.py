@@ -7,18 +7,19 @@ import numpy as np
 from robots.agent.adapters.contract import ActionProgress
 from robots.agent.world.sensing import Beams, Covariance, Floats
 from robots.api.geometry import Pose2D
-from robots.api.messages import Laser, Limits, Point, Scan, Velocity
+from robots.api.messages import Laser, Limits, Point, Pose, Scan, Velocity
 
 NO_POINTS: Floats = np.zeros((0, 2))
 
 
 @dataclass(frozen=True)
 class Body:
-    """What a mind must know about its robot: `series` says which docks are its own."""
+    """What a mind must know about its robot: `series` says which docks are its own, `localizes` that it reports its own pose."""
 
     series: str
     footprint: tuple[Point, ...]
     limits: Limits
+    localizes: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +27,7 @@ class Perception:
     """One moment of a robot's own sensors.
 
     `stamp` in seconds by the robot's clock, `odometry` in a frame of its own, `beams` the newest sweep, `points` (n, 2) what stands about
-    the robot as far as it was seen lately, in the robot's frame.
+    the robot as far as it was seen lately, in the robot's frame, `pose` where a robot that localizes itself says that it is, in the map.
     """
 
     stamp: float
@@ -35,6 +36,7 @@ class Perception:
     charger_contact: bool = False
     beams: Beams | None = None
     points: Floats = field(default_factory=lambda: NO_POINTS)
+    pose: Pose | None = None
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from robots.agent import framing
 from robots.agent.autonomy.perception import Body, Perception, Thought
 from robots.agent.world.sensing import Beams
 from robots.api.geometry import Pose2D
-from robots.api.messages import Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Undock, Velocity
+from robots.api.messages import Dock, FloorPlanUpdate, Follow, Goto, Pose, Relocalize, Undock, Velocity
 
 
 class Word(Struct, frozen=True, tag=True, array_like=True):
@@ -66,6 +66,7 @@ class Perceive(Word, frozen=True):
     charger_contact: bool
     sweep: Sweep | None
     points: bytes
+    pose: Pose | None = None
 
 
 class Token(Word, frozen=True):
@@ -125,7 +126,9 @@ def perceive(moment: Perception, *, new: bool) -> Perceive:
         beams = moment.beams
         ranges = beams.ranges.astype(np.float32).tobytes()
         sweep = Sweep(beams.stamp, beams.angle_min, beams.angle_increment, beams.range_max, beams.mount, ranges)
-    return Perceive(moment.stamp, moment.odometry, moment.velocity, moment.charger_contact, sweep, moment.points.astype(np.float32).tobytes())
+    return Perceive(
+        moment.stamp, moment.odometry, moment.velocity, moment.charger_contact, sweep, moment.points.astype(np.float32).tobytes(), moment.pose
+    )
 
 
 def perceived(message: Perceive, beams: Beams | None) -> Perception:
@@ -138,7 +141,7 @@ def perceived(message: Perceive, beams: Beams | None) -> Perception:
         points = np.frombuffer(message.points, dtype=np.float32).astype(np.float64).reshape(-1, 2)
     except ValueError as error:
         raise framing.WireError(str(error)) from error
-    return Perception(message.stamp, message.odometry, message.velocity, message.charger_contact, beams, points)
+    return Perception(message.stamp, message.odometry, message.velocity, message.charger_contact, beams, points, message.pose)
 
 
 def beams_in(sweep: Sweep) -> Beams:

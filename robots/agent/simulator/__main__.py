@@ -43,6 +43,7 @@ def parser() -> argparse.ArgumentParser:
     words.add_argument("--linger", type=float, help="end so many seconds after the last driver; without it, run until stopped")
     words.add_argument("--tied", action="store_true", help="do not wait for a first driver when standard input is closed: who started it is dead")
     words.add_argument("--no-camera", action="store_true", help="no pictures")
+    words.add_argument("--sonar", action="store_true", help="sonars besides the laser")
     words.add_argument("--fps", type=float, help="pictures a second, instead of the camera's own")
     return words
 
@@ -133,7 +134,7 @@ def main(arguments: list[str] | None = None) -> int:
 
         return SceneCamera(model, plan, seed=words.seed)
 
-    server = Server(simulation, None if words.no_camera else renderer, linger=words.linger, seed=words.seed)
+    server = Server(simulation, None if words.no_camera else renderer, linger=words.linger, seed=words.seed, sonar=words.sonar)
     try:
         asyncio.run(serve(server, host, port, tied=words.tied))
     except KeyboardInterrupt:

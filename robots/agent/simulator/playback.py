@@ -84,6 +84,7 @@ class Playback:
             charge=sim.charge, voltage=sim.voltage(), docked=sim.docked, tilt=sim.tilt, clearance=min(sim.clearance(), 1e3) if measured else None,
             contacts=sim.contacts, distance=sim.distance, doors=dict(sim.doors), errors=sim.errors(),
             bumped=sim.bumped, people=tuple((person.x, person.y, person.heading) for person in sim.people),
+            bumper=sim.bumper(),
         )  # fmt: skip
 
     def _row(self) -> Row:

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
-from robots.api.geometry import Pose2D
+from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Camera, Limits, TiltRange
 
 
@@ -47,6 +47,47 @@ class LaserModel:
     def angle_increment(self) -> float:
         """Radians from beam to beam."""
         return self.fov / (self.beams - 1)
+
+
+@dataclass(frozen=True)
+class SonarModel:
+    """A ring of ultrasonic sensors at the edge of the footprint: `count` of them, the first looks ahead, each with a cone of `width` radians.
+
+    Metres: from `nearest` to `farthest`, `noise` is a standard deviation, `dropout` the share of echoes that are lost. A smooth wall
+    sends nothing back from more than `slant` radians off its normal; an edge within `edge` metres does. `volley` of them, spread evenly,
+    sound every `period` seconds. Of the order of a Devantech SRF08.
+    """
+
+    count: int = 16
+    width: float = math.radians(30.0)
+    nearest: float = 0.05
+    farthest: float = 4.0
+    noise: float = 0.01
+    dropout: float = 0.01
+    slant: float = math.radians(25.0)
+    edge: float = 0.04
+    volley: int = 4
+    period: float = 0.04
+
+    def mounts(self, footprint: tuple[tuple[float, float], ...]) -> tuple[Pose2D, ...]:
+        """Return where they sit in the robot's frame: at the edge of a convex footprint about its centre."""
+        return tuple(_edge_at(footprint, 2.0 * math.pi * index / self.count) for index in range(self.count))
+
+    def sounding(self, volley: int) -> tuple[int, ...]:
+        """Return which of them sound in the volley of that number."""
+        apart = self.count // self.volley
+        return tuple(range(volley % apart, self.count, apart))
+
+
+def _edge_at(footprint: tuple[tuple[float, float], ...], bearing: float) -> Pose2D:
+    """Return the point of a footprint's edge in a direction from the centre, looking on."""
+    along_x, along_y = math.cos(bearing), math.sin(bearing)
+    reach = math.inf
+    for (x0, y0), (x1, y1) in zip(footprint, (*footprint[1:], footprint[0]), strict=True):
+        across = along_x * (y1 - y0) - along_y * (x1 - x0)
+        if across > 0.0:  # counter-clockwise: the side looks that way
+            reach = min(reach, (x0 * (y1 - y0) - y0 * (x1 - x0)) / across)
+    return Pose2D(reach * along_x, reach * along_y, wrap_angle(bearing))
 
 
 @dataclass(frozen=True)
@@ -102,6 +143,7 @@ class OdometryModel:
 class RobotModel:
     """Everything about one kind of robot.
 
+    Which of its sensors are fitted, whoever makes the robot says.
     `wheel_noise` is the relative slip of a wheel (standard deviation over one metre), `odometry` how wrong its dead reckoning is.
     """
 
@@ -119,6 +161,7 @@ class RobotModel:
     wheel_noise: float = 0.008
     odometry: OdometryModel = field(default_factory=OdometryModel)
     dock: DockTolerance = field(default_factory=DockTolerance)
+    sonar: SonarModel = field(default_factory=SonarModel)
 
     @property
     def radius(self) -> float:

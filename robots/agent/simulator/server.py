@@ -65,9 +65,12 @@ class Server:
         make_renderer: builds the camera's renderer, or None for a robot without pictures.
         linger: seconds after its last driver that the process lives on; None for ever.
         seed: of the microphone.
+        sonar: whether it has sonars, and says what they hear.
     """
 
-    def __init__(self, simulation: Simulation, make_renderer: Callable[[], Renderer] | None, *, linger: float | None, seed: int) -> None:
+    def __init__(
+        self, simulation: Simulation, make_renderer: Callable[[], Renderer] | None, *, linger: float | None, seed: int, sonar: bool = False
+    ) -> None:
         self.playback = Playback(simulation, time.monotonic(), time.time())
         self.simulation = simulation
         self._make_renderer = make_renderer
@@ -75,8 +78,9 @@ class Server:
         self._clients: set[Client] = set()
         self._ended = asyncio.Event()
         self._alone_since = time.monotonic() + max(0.0, FIRST_DRIVER - (linger or 0.0))
-        self._due = dict.fromkeys(("state", "scan", "sound"), time.monotonic())
+        self._due = dict.fromkeys(("state", "scan", "sonar", "sound"), time.monotonic())
         self._told = -1.0
+        self._sonar, self._volley = sonar, 0
         self._rng = np.random.default_rng([seed, 1])
         self._microphone: Microphone | None = None
         self._ring: FrameWriter | None = None
@@ -145,6 +149,9 @@ class Server:
             self._tell("driver", lambda: self.playback.truth(measured=False))
         if self._is_due("scan", 1.0 / self.simulation.model.laser.rate, now):
             self._tell_scan()
+        if self._sonar and self._is_due("sonar", self.simulation.model.sonar.period, now):
+            self._volley += 1
+            self._tell("driver", self._echoes)
         if self._is_due("sound", SOUND_PERIOD, now):
             self._tell("microphone", self._sound)
 
@@ -168,6 +175,11 @@ class Server:
 
     def _scan(self) -> wire.Ranges:
         return wire.Ranges(self.playback.stamp(), self.simulation.scan().astype(np.float32).tobytes())
+
+    def _echoes(self) -> wire.Echoes:
+        sounding = self.simulation.model.sonar.sounding(self._volley)
+        heard = (distance if math.isfinite(distance) else None for distance in self.simulation.echoes(sounding))
+        return wire.Echoes(self.playback.stamp(), tuple(zip(sounding, heard, strict=True)))
 
     def _sound(self) -> wire.Sound:
         if self._microphone is None:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robots.agent.simulator import battery, head, laser
+from robots.agent.simulator import battery, head, laser, sonar
 from robots.agent.simulator.contact import RELEASE, Obstacles, Shape, distance_to, place, shape
 from robots.agent.simulator.crowd import Crowd
 from robots.agent.simulator.doors import Doors
@@ -66,8 +66,8 @@ class Simulation:
             StartError: no such place, or something stands there.
         """
         self.model, self.plan = model, plan
-        streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(5)]
-        self.drive_rng, self.laser_rng = streams[:2]
+        streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)]
+        self.drive_rng, self.laser_rng, self.sonar_rng = *streams[:2], streams[5]
         self.encoders = draw_encoders(model.odometry.radius_error, model.odometry.separation_error, streams[2])
         self.footprint = np.array(model.footprint)
         self._radius = model.radius
@@ -166,11 +166,29 @@ class Simulation:
 
     def scan(self) -> Floats:
         """Return what the laser sees now, (beams,) metres, `inf` where nothing came back, all NaN when it is broken so."""
+        ranges = laser.scan(self._segments(), self.pose, self.model.laser, self.laser_rng)
+        return np.full_like(ranges, math.nan) if self.faults.laser == "nan" else ranges
+
+    def echoes(self, sounding: tuple[int, ...]) -> tuple[float, ...]:
+        """Return how far off the sonars that sound now hear something, metres from each, `inf` for nothing."""
+        mounts, segments = self.model.sonar.mounts(self.model.footprint), self._segments()
+        return tuple(sonar.echo(segments, self.pose.compose(mounts[index]), self.model.sonar, self.sonar_rng) for index in sounding)
+
+    def bumper(self) -> tuple[float, ...]:
+        """Return the directions in which something is touched now, radians in the robot's frame; a station that it noses into is none."""
+        if not self.touching:
+            return ()
+        outline = self.outline()
+        shapes = (*self.obstacles.shapes, *self._near(self.pose))
+        ways = [each.gap_to(outline)[1] for each in shapes if each.solid.name in self.touching and each.solid.kind != "station"]
+        return tuple(wrap_angle(math.atan2(-way[1], -way[0]) - self.pose.theta) for way in ways)
+
+    def _segments(self) -> Floats:
+        """Return the sides (n, 4) of everything that stands or walks at the height of the sensors."""
         segments = self.obstacles.segments
         if self.people or self._doors.moving:
             segments = np.concatenate([segments, *(leaf.sides for leaf in self._doors.moving), legs(self.people)])
-        ranges = laser.scan(segments, self.pose, self.model.laser, self.laser_rng)
-        return np.full_like(ranges, math.nan) if self.faults.laser == "nan" else ranges
+        return segments
 
     def beams(self) -> Beams | None:
         """Return the same as a sweep with its mount, stamped with `time`; None from a silent laser."""

@@ -88,7 +88,7 @@ class Truth(Said, frozen=True):
     """The robot as it is; `stamp` in Unix seconds, `commanded_at` that of the last velocity, 0 before the first.
 
     `clearance` is measured for observers only. `people` are x, y, heading of those who walk about; `bumped` how often one of them
-    walked into the robot.
+    walked into the robot; `bumper` the directions in which something is touched, in the robot's frame.
     """
 
     stamp: float
@@ -111,6 +111,7 @@ class Truth(Said, frozen=True):
     errors: tuple[str, ...]
     bumped: int = 0
     people: tuple[tuple[float, float, float], ...] = ()
+    bumper: tuple[float, ...] = ()
 
 
 class Ranges(Said, frozen=True):
@@ -118,6 +119,13 @@ class Ranges(Said, frozen=True):
 
     stamp: float
     ranges: bytes
+
+
+class Echoes(Said, frozen=True):
+    """What sonars have heard: which, and metres from it, None for nothing."""
+
+    stamp: float
+    echoes: tuple[tuple[int, float | None], ...]
 
 
 class History(Said, frozen=True):
@@ -159,7 +167,7 @@ class Refused(Said, frozen=True):
 
 
 ToSimulator = Hello | Drive | TiltTo | SetDoors | Shutdown | AskTruth | AskHistory | CarryTo | Break
-FromSimulator = Welcome | Truth | Ranges | History | Pictures | FrameReady | Sound | Done | Refused
+FromSimulator = Welcome | Truth | Ranges | Echoes | History | Pictures | FrameReady | Sound | Done | Refused
 
 _to_simulator: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(ToSimulator)
 _from_simulator: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(FromSimulator)

@@ -5,6 +5,7 @@ import time
 import pytest
 
 from robots.agent.adapters import registry
+from robots.agent.adapters.contract import AdapterError
 from robots.api import messages as m
 from tests.support.control_rig import ThreadedControlRig
 from tests.support.patience import patient
@@ -77,4 +78,39 @@ def test_assistance_stops_a_driver_before_a_wall_and_the_state_says_so(rig):
     assert state.assist_point is not None
     assert state.mode == "assisted"
     assert onlooker.truth().contacts == 0
+    rig.drive(-0.2, until=lambda: onlooker.truth().clearance > 0.3, within=20.0)
     onlooker.close()
+
+
+# --- with sonars and a bumper, and no laser ------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def blind(tmp_path):
+    adapter = registry.create("simulator", "giraff", {"camera": "no", "start": "5.0,1.0,1.5708", "seed": "3", "sensors": "sonar,bumper"})
+    assert registry.autonomous(adapter) is adapter
+    with ThreadedControlRig(tmp_path, robot=adapter) as rig:
+        rig.wait(lambda: not rig.kernel.held)
+        yield rig
+
+
+def test_sonars_stop_a_driver_before_a_wall_and_a_bumper_says_which_side_was_touched(blind):
+    rig, onlooker = blind, Onlooker(int(blind.robot.address.rpartition(":")[2]))
+    assert "scan" not in rig.robot.profile.capabilities
+    rig.grant(assist="slow", ttl=60.0)
+    rig.drive(0.6, until=lambda: any(s.assist_why == "stop" for s in rig.link.all("state")[-3:]), within=40.0)
+    assert onlooker.truth().contacts == 0
+    assert rig.link.all("state")[-1].clearance < 0.3
+    rig.lease(renewal=1, assist="off", ttl=60.0)
+    for _ in range(2):  # and once more: what was touched lets go, and is touched again
+        before = len(rig.link.all("event"))
+        rig.drive(0.2, until=lambda before=before: any(e.type == "collision" for e in rig.link.all("event")[before:]), within=20.0)
+        assert [e.detail for e in rig.link.all("event") if e.type == "collision"][-1] == "ahead"
+        rig.link.wait("state", lambda s: s.safety.touched == ("ahead",))
+        rig.drive(-0.2, until=lambda: rig.kernel.inhibited(rig.now()) is None and onlooker.truth().clearance > 0.1, within=20.0)
+    onlooker.close()
+
+
+def test_a_sensor_that_no_simulated_robot_has_is_named():
+    with pytest.raises(AdapterError, match="no sensor radar"):
+        registry.create("simulator", "giraff", {"sensors": "laser,radar"})

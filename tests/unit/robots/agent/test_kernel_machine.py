@@ -10,9 +10,11 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
+from robots.agent.contact import SIDES
 from robots.agent.latch import BUTTON
 from robots.agent.lease import Remembered
 from robots.agent.motion import ZERO
+from robots.agent.navigation.assist import Assisted
 from robots.agent.permissions import Sender
 from robots.agent.safety import MAX_STEP, SAME_STOP, STANDSTILL, STANDSTILL_TURNING, Kernel
 from robots.api import messages as m
@@ -26,10 +28,28 @@ LET_GO = 1.0  # s of silence of the hands, while heartbeats come
 speeds = st.sampled_from([0.0, 0.0, 0.7, 0.3, -0.4, 5.0, -5.0])
 ways = st.sampled_from(["datachannel", "mqtt"])
 numbers = st.integers(0, 5)
+levels = st.sampled_from(["steer", "slow", "off"])
+speeds_allowed = st.sampled_from([math.inf, 0.1, 0.0])
+turns = st.sampled_from([0.35, -0.35, 0.0])
 
 
 def moves(velocity):
     return abs(velocity.linear) > STANDSTILL or abs(velocity.angular) > STANDSTILL_TURNING
+
+
+class Walls:
+    """A collision monitor of a world in which the test puts things: so fast may the robot go ahead and back, and so much would it be turned."""
+
+    def __init__(self):
+        self.ahead = self.back = math.inf
+        self.turn = 0.0
+
+    def shape(self, wanted, told, level, now):
+        assert level != "off"
+        linear = min(max(wanted.linear, -self.back), self.ahead)
+        own = m.Velocity(linear=linear, angular=wanted.angular)
+        turn = self.turn if level == "steer" and linear > 0.0 else 0.0
+        return Assisted(m.Velocity(linear=linear, angular=own.angular + turn), "free", own=own)
 
 
 class KernelMachine(RuleBasedStateMachine):
@@ -37,7 +57,8 @@ class KernelMachine(RuleBasedStateMachine):
 
     def __init__(self):
         super().__init__()
-        self.bench = Bench()
+        self.walls = Walls()
+        self.bench = Bench(monitor=self.walls)
         self.kernel = self.bench.kernel
         self.base, self.told, self.told_at = ZERO, ZERO, -math.inf
         self.goes = self.obeys = False  # the architecture drives; it would take a cancel
@@ -56,16 +77,18 @@ class KernelMachine(RuleBasedStateMachine):
     def now(self):
         return self.bench.now
 
-    @initialize()
-    def begins(self):
-        self.grants(known=True)
+    @initialize(level=levels, angular=st.sampled_from([0.2, None]), ahead=speeds_allowed, back=speeds_allowed, turn=turns)
+    def begins(self, level, angular, ahead, back, turn):
+        self.grants(known=True, angular=angular)
+        self.is_helped(level)
+        self.things_stand_about(ahead, back, turn)
         self.lets_go()
 
     # --- who drives --------------------------------------------------------------------------------------------------
 
-    @rule(known=st.just(True), ttl=st.sampled_from([0.3, 10.0]), linear=st.sampled_from([None, 0.2]))
-    def grants(self, known, ttl=10.0, linear=None):
-        self.epoch, self.renewal, self.caps = self.epoch + 1, 0, m.LeaseLimits(linear=linear)
+    @rule(known=st.just(True), ttl=st.sampled_from([0.3, 10.0]), linear=st.sampled_from([None, 0.2]), angular=st.sampled_from([None, 0.2]))
+    def grants(self, known, ttl=10.0, linear=None, angular=None):
+        self.epoch, self.renewal, self.caps = self.epoch + 1, 0, m.LeaseLimits(linear=linear, angular=angular)
         self.bench.lease(session=f"s{self.epoch}", epoch=self.epoch, ttl=ttl, limits=self.caps)
         if known:
             self.bench.know_clock()
@@ -144,6 +167,16 @@ class KernelMachine(RuleBasedStateMachine):
 
     def lets_go(self):
         self.drives(0.0, 0.0, "datachannel", 0.0, 1)
+
+    # --- help --------------------------------------------------------------------------------------------------------
+
+    @rule(level=levels)
+    def is_helped(self, level):
+        self.kernel.assist.level = level
+
+    @rule(ahead=speeds_allowed, back=speeds_allowed, turn=turns)
+    def things_stand_about(self, ahead, back, turn):
+        self.walls.ahead, self.walls.back, self.walls.turn = ahead, back, turn
 
     # --- stops -------------------------------------------------------------------------------------------------------
 
@@ -249,15 +282,19 @@ class KernelMachine(RuleBasedStateMachine):
             self.is_held()
         self.faulty = self.kernel.fault is not None
 
-    @rule()
-    def touches_something(self):
-        self.kernel.touched()
+    @rule(sides=st.sets(st.sampled_from(SIDES), max_size=2))
+    def touches_something(self, sides):
+        self.kernel.touched(sides)
 
     @rule()
     def its_agent_begins_anew(self):
         lease, latch = self.kernel.leases.newest, self.kernel.latch
         newest = None if lease is None else Remembered(lease.session, lease.epoch, lease.renewal, lease.stamp)
-        self.bench.kernel = self.kernel = Kernel(LIMITS, self.bench.watchdog, self.bench.capabilities, latch=latch, newest_lease=newest)
+        level = self.kernel.assist.level
+        self.bench.kernel = self.kernel = Kernel(
+            LIMITS, self.bench.watchdog, self.bench.capabilities, latch=latch, newest_lease=newest, monitor=self.walls
+        )
+        self.kernel.assist.level = level
         assert (self.kernel.latch is not None) == self.latched
         self.faulty = False
         self.navigation_is_over()
@@ -335,6 +372,19 @@ class KernelMachine(RuleBasedStateMachine):
         if drives and self.caps.linear is not None and self.kernel.leases.live(self.now) is not None:
             braking = LIMITS.linear_braking * TICK
             assert abs(velocity.linear) <= max(self.caps.linear, abs(before.linear) - braking * 0.5) + SLACK
+        if drives and self.caps.angular is not None and self.kernel.leases.live(self.now) is not None:
+            braking = LIMITS.angular_braking * TICK
+            assert abs(velocity.angular) <= max(self.caps.angular, abs(before.angular) - braking * 0.5) + SLACK
+        if decision.why == "driving" and self.kernel.assist.level != "off" and self.now > self.told_at and velocity.linear * before.linear >= 0.0:
+            allowed = self.walls.ahead if velocity.linear > 0.0 else self.walls.back
+            braking = LIMITS.linear_braking * min(self.now - self.told_at, TICK)
+            assert abs(velocity.linear) <= max(allowed, abs(before.linear) - braking * 0.5) + SLACK, "faster towards something than is allowed"
+        if drives:
+            towards = {"ahead": velocity.linear, "behind": -velocity.linear}
+            was = {"ahead": before.linear, "behind": -before.linear}
+            braking = LIMITS.linear_braking * min(self.now - self.told_at, TICK)
+            for side in towards.keys() & set(self.kernel.contacts.sides):
+                assert towards[side] <= max(0.0, was[side] - braking * 0.5) + SLACK, "further towards what was touched"
         self.told, self.told_at = velocity, self.now
         self.kernel.applied(velocity)
 
@@ -348,5 +398,18 @@ class KernelMachine(RuleBasedStateMachine):
             assert self.kernel.inhibited(self.now) in {"estop", "fault"}
 
 
+class DrivenMachine(KernelMachine):
+    """The same without what ends a drive for long, so that most of what happens is driving: help, limits, contacts, stops."""
+
+    is_stopped_for_good = a_button = its_base_is = takes_the_lease_back = an_old_lease_comes = None
+    its_agent_begins_anew = nobody_gets_to_anything = the_clock_of_a_page_steps = is_sent_somewhere = wishes = None
+
+    @rule(linear=st.sampled_from([0.7, 0.7, -0.4]), angular=speeds, times=st.integers(4, 12))
+    def goes_on(self, linear, angular, times):
+        self.drives(linear, angular, "datachannel", 0.0, times)
+
+
 TestKernelMachine = KernelMachine.TestCase
 TestKernelMachine.settings = settings(max_examples=2000 if SEARCH else 200, stateful_step_count=100 if SEARCH else 50)
+TestDrivenMachine = DrivenMachine.TestCase
+TestDrivenMachine.settings = settings(max_examples=1000 if SEARCH else 100, stateful_step_count=30)

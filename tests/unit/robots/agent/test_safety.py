@@ -561,17 +561,6 @@ def test_the_agents_own_navigation_brakes_at_its_end_and_at_a_stop(bench):
         assert bench.tick().velocity is None
 
 
-def test_a_turn_that_assistance_adds_is_told_and_not_taken_for_the_drivers(bench):
-    bench.run(1.0, every=0.06, linear=0.3)
-    for _ in range(50):
-        bench.now += TICK
-        bench.drive(0.3)
-        asked = bench.outputs[-1][1].velocity
-        assert asked.angular == pytest.approx(0.0)
-        bench.kernel.applied(m.Velocity(linear=asked.linear, angular=asked.angular + 0.2), steered=0.2)
-        assert bench.kernel.commanded.angular == pytest.approx(0.2)
-
-
 def test_a_robot_that_assists_by_itself_is_not_slowed_down_twice():
     bench = Bench(capabilities=frozenset({"velocity", "assist"}))
     bench.kernel.assist.level, bench.kernel.assist.clearance = "slow", 0.06

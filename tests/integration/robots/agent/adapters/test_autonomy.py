@@ -8,22 +8,23 @@ from dataclasses import replace
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 
 from robots.agent.adapters import registry
 from robots.agent.adapters.autonomy import OURS, AutonomyAdapter
 from robots.agent.adapters.autonomy_memory import PoseMemory
-from robots.agent.adapters.contract import Adapter, AdapterError, SelfDriving
+from robots.agent.adapters.contract import Adapter, AdapterError, Navigating
 from robots.agent.autonomy.area import update_of
 from robots.agent.motion import ZERO
 from robots.agent.simulator import wire as simulated
 from robots.agent.simulator.faults import Faults
 from robots.agent.world.sites import load_site
 from robots.api.geometry import Pose2D
-from robots.api.messages import Cancel, Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Tilt, Velocity
-from tests.support.adapter_conformance import AdapterConformance, some, wait_for
+from robots.api.messages import Cancel, Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Tilt
+from tests.support.adapter_conformance import AdapterConformance, some
 from tests.support.autonomous_drive import driving, made
-from tests.support.scripted_robot import ScriptedRobot
+from tests.support.scripted_robot import ScriptedRobot, still
 from tests.support.simulators import alive
 from tests.support.truth import Fate, Onlooker
 
@@ -52,11 +53,19 @@ def goto(action_id="g", **fields):
 def test_a_robot_with_a_laser_and_no_localization_gets_ours_and_any_other_stays_as_it_is():
     adapter = made()
     assert set(OURS) <= set(adapter.profile.capabilities)
-    assert isinstance(adapter, SelfDriving)
+    assert isinstance(adapter, Navigating)
     without = ScriptedRobot()
     assert registry.autonomous(without) is without
-    able = ScriptedRobot(profile=replace(without.profile, laser=adapter.profile.laser, capabilities=("velocity", "localization")))
+    able = ScriptedRobot(profile=replace(without.profile, laser=adapter.profile.laser, capabilities=("velocity", "localization", "goto")))
     assert registry.autonomous(able) is able
+
+
+def test_a_robot_that_localizes_itself_and_goes_nowhere_gets_our_navigation_and_keeps_its_pose():
+    profile = replace(ScriptedRobot().profile, laser=made().profile.laser, capabilities=("velocity", "localization", "dock"))
+    wrapped = registry.autonomous(ScriptedRobot(profile=profile))
+    assert set(wrapped.profile.capabilities) == {"velocity", "localization", "dock", "goto", "follow", "undock"}
+    reading = still(odometry=Pose2D(0.0, 0.0, 0.0))
+    assert wrapped.located(reading, np.zeros((0, 2))) == replace(reading, path=())
 
 
 def test_what_a_robot_can_do_itself_stays_its_own():
@@ -127,18 +136,6 @@ async def test_cancelling_stops_the_robot():
         assert drive.adapter.wanted() is None
         assert (await drive.ended("g")).status == "CANCELLED"
         await drive.standing()
-
-
-# --- help for a driver ---------------------------------------------------------------------------------------------------
-
-
-async def test_without_help_a_driver_gets_what_he_asks_for():
-    async with driving(made()) as drive:
-        drive.driver = Velocity(linear=0.3, angular=0.2)
-        await drive.until(lambda: drive.state is not None and drive.state.velocity.linear > 0.25)
-        assert drive.told == drive.driver
-        assert drive.adapter.steered == 0.0
-        assert drive.state.assist_why == ""
 
 
 # --- what breaks ---------------------------------------------------------------------------------------------------------
@@ -300,5 +297,4 @@ async def test_states_go_on_while_nobody_thinks():
     adapter = without_site()
     await adapter.connect()
     assert len(await some(adapter.states(), 10)) == 10
-    assert (await wait_for(adapter, lambda s: s.clearance is not None)).clearance > 0.0
     await adapter.close()

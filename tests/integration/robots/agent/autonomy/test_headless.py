@@ -186,8 +186,8 @@ def test_help_for_a_driver_needs_neither_map_nor_pose():
     assert robot.sim.contacts == 0
     assert robot.sim.pose.distance(begun) > 3.0
     assert robot.stands()
-    assert robot.autonomy.guard.why(robot.sim.time)[0] == "stop"
-    assert robot.autonomy.guard.clearance() < 0.6
+    assert robot.autonomy.monitor.why(robot.sim.time)[0] == "stop"
+    assert robot.autonomy.monitor.clearance() < 0.6
 
 
 def test_the_office_as_a_message_is_the_office():

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from benchmarks.assist import Careless, Rig, careless_drive, crossings, novice_drive
+from benchmarks.assist import BLIND, JUDGED, Careless, Rig, careless_drive, crossings, novice_drive
+from robots.agent.collision_monitor import CREEP
 from robots.agent.motion import ZERO
 from robots.agent.simulator.faults import Faults
 from robots.agent.simulator.profiles import GIRAFF, MODELS
 from robots.agent.simulator.simulation import Simulation
-from robots.agent.world.sites import load_site
+from robots.agent.world.sites import load_site, shipped_sites
 from robots.api.messages import Velocity
 
 OFFICE = load_site("office").plan
@@ -37,6 +38,32 @@ def test_a_careless_driver_hits_nothing_with_it_and_still_gets_about(series, lev
     assert robot.world.distance > 0.5
 
 
+@pytest.mark.parametrize("level", ["slow", "steer"])
+@pytest.mark.parametrize("series", sorted(MODELS))
+def test_with_sonars_and_a_bumper_and_no_laser_a_careless_driver_touches_nothing_faster_than_a_creep(series, level):
+    robot = careless_drive(OFFICE, MODELS[series], level, 3, 0.5, sensors=BLIND)
+    assert robot.hardest <= CREEP
+    assert robot.world.distance > 0.5
+
+
+def test_the_same_driver_hits_hard_without_help():
+    assert careless_drive(OFFICE, GIRAFF, "off", 3, 1.0, sensors=BLIND).hardest > CREEP
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("level", ["slow", "steer"])
+def test_sixty_minutes_of_the_careless_driver_with_sonars_and_a_bumper(level):
+    drives = [
+        careless_drive(load_site(site).plan, model, level, seed, 5.0, sensors=BLIND)
+        for site in shipped_sites()
+        for model in MODELS.values()
+        for seed in range(JUDGED, JUDGED + 3)
+    ]
+    assert sum(drive.world.time for drive in drives) >= 3600.0 - 1.0
+    assert [drive.hardest for drive in drives if drive.hardest > CREEP] == []
+    assert sum(drive.world.distance for drive in drives) > 100.0
+
+
 @pytest.mark.parametrize("fault", [Faults(laser="silent"), Faults(laser="nan")], ids=["silent", "not a number"])
 @pytest.mark.parametrize("level", ["slow", "steer"])
 def test_a_laser_that_breaks_on_the_way_stops_the_robot_within_a_second_and_a_half(fault, level):
@@ -45,7 +72,7 @@ def test_a_laser_that_breaks_on_the_way_stops_the_robot_within_a_second_and_a_ha
     assert robot.world.motion.linear > 0.4
     robot.world.faults = fault
     drive(robot, AHEAD, 1.5)
-    assert (robot.last.why, robot.told) == ("blind", ZERO)
+    assert (robot.why, robot.told) == ("blind", ZERO)
     assert robot.stands
     robot.world.faults = Faults()
     drive(robot, AHEAD, 1.0)
@@ -56,7 +83,7 @@ def test_a_laser_that_never_spoke_lets_nothing_move():
     robot = rig("corridor-centre", "slow")
     robot.world.faults = Faults(laser="silent")
     drive(robot, AHEAD, 1.0)
-    assert robot.last.why == "blind"
+    assert robot.why == "blind"
     assert robot.world.distance == 0.0
 
 

@@ -2,9 +2,10 @@
 
 import math
 
+import numpy as np
 import pytest
 
-from robots.agent.adapters.contract import NOWHERE
+from robots.agent.adapters.contract import NOWHERE, ObstaclePoints
 from robots.agent.adapters.readings import Readings, stamp_of
 from robots.agent.adapters.robot_profile import BatteryRange
 from robots.agent.motion import ZERO
@@ -120,6 +121,27 @@ def test_a_contact_begins_when_a_bumper_is_pressed():
     for touching in (False, True, True, False, True):
         readings.bumped(touching=touching)
     assert readings.state(1.0).contacts == 2
+
+
+def test_where_a_bumper_is_pressed_is_told_for_as_long_as_it_lasts_and_only_where_it_is_known():
+    readings = Readings()
+    assert readings.state(1.0).bumper is None
+    readings.bumped(touching=True, bearings=(0.1,))
+    assert [readings.state(1.1).bumper, readings.state(1.2).bumper] == [(0.1,), (0.1,)]
+    readings.bumped(touching=False, bearings=())
+    assert readings.state(1.3).bumper == ()
+
+
+def test_echoes_and_points_are_told_once():
+    readings = Readings()
+    readings.echoed(0, 0.5, 1.0)
+    readings.echoed(1, None, 1.0)
+    readings.saw(ObstaclePoints(1.0, np.zeros((0, 2))))
+    told = readings.state(1.1)
+    assert [(echo.sonar, echo.distance) for echo in told.sonar] == [(0, 0.5), (1, None)]
+    assert told.points is not None
+    again = readings.state(1.2)
+    assert (again.sonar, again.points) == ((), None)
 
 
 def test_what_comes_out_is_sound():

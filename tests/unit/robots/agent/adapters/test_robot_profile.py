@@ -6,9 +6,10 @@ import tomllib
 import pytest
 
 from robots.agent.adapters import registry
-from robots.agent.adapters.contract import AdapterError
+from robots.agent.adapters.contract import AdapterError, DepthCamera, Sonar
 from robots.agent.adapters.robot_profile import SHIPPED, load_profile
 from robots.agent.config import load
+from robots.agent.obstacle_sources import sources_of
 from tests.support.paths import ROOT
 
 MINE = 'series = "mine"\nfootprint = [[0.2, -0.2], [0.2, 0.2], [-0.2, 0.0]]\n[limits]\n'
@@ -48,9 +49,17 @@ def test_a_profile_of_ones_own_overrules_defaults_and_options_overrule_it(tmp_pa
     assert registry.create("moos", str(file), {"port": "9002"}).place == "the MOOSDB at robot:9002"
 
 
+def test_sensors_for_obstacles_are_the_profiles_and_each_gives_help_by_itself(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text("bumper = true\n" + MINE + LIMITS + "[[sonars]]\nx = 0.2\ny = 0.0\ntheta = 0.0\nwidth = 0.4\n[depth]\n[moos]\nwatchdog = 0.5\n")
+    profile = registry.create("moos", str(file)).profile
+    assert (profile.sonars, profile.bumper, profile.depth) == ((Sonar(0.2, 0.0, 0.0, width=0.4),), True, DepthCamera())
+    assert len(sources_of(profile)) == 3
+
+
 def test_a_base_without_localization_gets_ours():
     adapter = registry.autonomous(registry.create("ros2", "rhodon", {"localization": "none"}))
-    assert {"goto", "dock", "undock", "assist", "relocalize"} <= set(adapter.profile.capabilities)
+    assert {"goto", "dock", "undock", "relocalize"} <= set(adapter.profile.capabilities)
 
 
 @pytest.mark.parametrize(
@@ -63,6 +72,9 @@ def test_a_base_without_localization_gets_ours():
         (MINE + LIMITS + "[battery]\nempty = 30.0\nfull = 20.0\n", "fewer volts"),
         (MINE.replace("0.2, -0.2", "0.2") + LIMITS, "footprint"),
         (MINE + LIMITS + "[moos]\nwatchdog = 0.0\n", "watchdog"),
+        (MINE + LIMITS + "[[sonars]]\nx = 0.2\ny = 0.0\n", "theta"),
+        (MINE + LIMITS + "[[sonars]]\nx = 0.2\ny = 0.0\ntheta = 0.0\nwide = 1.0\n", "wide"),
+        (MINE + LIMITS + "[depth]\nheight = 1.0\n", "height"),
         (MINE + LIMITS + "[moos]\nwatchdog = 0.5\nwings = 2\n", "no option wings"),
     ],
 )

@@ -1,4 +1,4 @@
-"""The small parts of autonomy: whereabouts, guard, and the wire between control loop and mind."""
+"""The small parts of autonomy: whereabouts, perceptions, and the wire between control loop and mind."""
 
 import math
 import socket
@@ -14,10 +14,8 @@ from robots.agent.adapters.contract import NOWHERE, ActionProgress
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.__main__ import Conversation, frames, serve
 from robots.agent.autonomy.area import update_of
-from robots.agent.autonomy.guard import Guard
 from robots.agent.autonomy.perception import Body, Perception, Thought, beams_of
 from robots.agent.autonomy.whereabouts import STALE, Whereabouts
-from robots.agent.motion import ZERO
 from robots.agent.simulator.profiles import model_of
 from robots.agent.world.sensing import Beams
 from robots.agent.world.sites import load_site
@@ -84,43 +82,7 @@ def test_variances_without_end_fit_on_the_wire():
     assert pose.score == 1.0
 
 
-# --- guard -------------------------------------------------------------------------------------------------------------------
-
-
-def guard(level="slow"):
-    made = Guard(GIRAFF.footprint, GIRAFF.limits)
-    made.level = level
-    return made
-
-
-def test_a_guard_that_never_saw_anything_is_blind_and_says_so_for_a_moment():
-    watch = guard()
-    assert watch.shape(AHEAD, 1.0).velocity == ZERO
-    assert watch.why(1.1)[0] == "blind"
-    assert watch.why(2.0) == ("", None)
-    assert watch.clearance() is None
-    assert watch.points().shape == (0, 2)
-
-
-def test_a_guard_knows_a_wall_and_stops_before_it_but_not_when_it_is_far():
-    watch = guard()
-    watch.sense(1.0, Pose2D(0.0, 0.0, 0.0), wall(0.4), 1.0)
-    assert watch.clearance() == pytest.approx(0.08, abs=0.02)
-    assert watch.shape(AHEAD, 1.1).velocity.linear < 0.02
-    why, point = watch.why(1.1)
-    assert why == "stop"
-    assert point[0] == pytest.approx(0.4, abs=0.02)
-    far = guard()
-    far.sense(1.0, Pose2D(0.0, 0.0, 0.0), wall(3.9), 1.0)
-    far.leave(AHEAD)
-    assert far.shape(AHEAD, 1.1).velocity == AHEAD
-    assert far.why(1.1) == ("", None)
-
-
-def test_what_is_told_without_assistance_is_remembered_as_told():
-    watch = guard()
-    watch.leave(AHEAD)
-    assert (watch.told, watch.steered) == (AHEAD, 0.0)
+# --- perceptions ---------------------------------------------------------------------------------------------------------------
 
 
 def test_a_scans_gaps_are_places_where_nothing_came_back():

@@ -1,0 +1,84 @@
+"""Robots of a real ROS that localize themselves: our assistance works on their laser, and our navigation on their pose where they have none."""
+
+import time
+
+import pytest
+
+from robots.agent.adapters import registry
+from robots.api import messages as m
+from tests.support.control_rig import ThreadedControlRig
+from tests.support.patience import patient
+from tests.support.ros1_robot import Ros1Rig
+from tests.support.ros2_robot import Ros2Rig
+
+WALL = "5.0,1.0,1.5708"  # in the corridor, nose to its wall
+
+
+@pytest.fixture(scope="module", params=[Ros1Rig, Ros2Rig], ids=["ros1", "ros2"])
+def robot(request):
+    with request.param("rhodon") as rig:
+        yield rig
+        assert not rig.errors
+
+
+@pytest.fixture
+def driven(robot, tmp_path):
+    """Return how an agent for the robot is begun, with options of its adapter."""
+    rigs = []
+
+    def begin(start, **options):
+        robot.reset(start)
+        rig = ThreadedControlRig(tmp_path, robot=registry.autonomous(robot.adapter(**options), "office"))
+        rigs.append(rig)
+        rig.start()
+        rig.wait(lambda: rig.link.connected and rig.control.kernel.fault is None, within=30.0)
+        rig.link.wait("state", lambda s: s.pose.localized, within=30.0)
+        rig.wait(lambda: not rig.kernel.held)
+        return rig
+
+    yield begin
+    for rig in rigs:
+        rig.close()
+        rig.time.close()
+
+
+def keeps_beating(rig, until, within=60.0):
+    deadline = time.monotonic() + patient(within)
+    while not until():
+        assert time.monotonic() < deadline, rig.link.all("action")[-3:]
+        rig.beat()
+        time.sleep(0.2)
+
+
+def test_a_driver_is_stopped_before_a_wall_by_the_laser_of_a_robot_that_localizes_itself_and_backs_away(robot, driven):
+    rig = driven(WALL)
+    assert {"assist", "localization", "goto"} <= rig.kernel.capabilities | set(rig.robot.profile.capabilities)
+    rig.grant(assist="slow", ttl=60.0)
+    rig.drive(0.4, until=lambda: any(s.assist_why == "stop" for s in rig.link.all("state")[-2:]), within=30.0)
+    assert rig.link.wait("state", lambda s: s.assist_why == "stop").assist_point is not None
+    world = robot.world.sim
+    assert world.contacts == 0
+    assert 0.01 < world.clearance() < 0.2
+    state = rig.link.all("state")[-1]
+    assert abs(state.pose.x - robot.world.believed.x) < 0.1, "the pose is the robot's own"
+    rig.drive(-0.2, until=lambda: world.clearance() > 0.3, within=30.0)
+    assert world.contacts == 0
+
+
+def test_without_help_nothing_is_shaped(robot, driven):
+    rig = driven(WALL)
+    rig.grant(assist="off", ttl=60.0)
+    rig.drive(0.4, until=lambda: robot.world.sim.contacts > 0, within=30.0)
+
+
+def test_a_robot_that_localizes_itself_and_goes_nowhere_goes_by_our_navigation(robot, driven):
+    rig = driven("5.0,1.0,3.1", navigation="none")
+    assert "goto" in rig.robot.profile.capabilities
+    rig.wait(lambda: rig.robot.mind.ready, within=30.0)
+    rig.grant(ttl=60.0)
+    rig.act(m.Goto(action_id="g", stamp=0.0, session="s1", epoch=1, x=3.5, y=1.0))
+    keeps_beating(rig, lambda: any(a.action_id == "g" and a.status in {"FINISHED", "FAILED"} for a in rig.link.all("action")))
+    assert rig.status("g", "FINISHED").type == "goto"
+    assert abs(robot.world.truth.x - 3.5) < 0.4
+    assert robot.world.sim.contacts == 0
+    assert robot.world.journey == "", "the architecture's own navigation has no part in it"
