@@ -406,7 +406,7 @@ class FakeRobotPage:
 class _Page:
     """One WebSocket."""
 
-    def __init__(self, connection: ServerConnection, peer: str, number: int, is_stopped: Callable[[], bool]) -> None:
+    def __init__(self, connection: ServerConnection, peer: str, number: int, is_stopped: Callable[[], bool] = lambda: False) -> None:
         self.connection, self.peer, self.number, self.is_stopped = connection, peer, number, is_stopped
         self.watches = False
         self._tasks: set[asyncio.Task[None]] = set()
