@@ -7,6 +7,7 @@ import pytest
 
 from robots.agent.adapters import registry
 from robots.agent.adapters.contract import AdapterError
+from robots.agent.collision_monitor import monitor_of
 from tests.support.paths import ROOT
 from tests.support.rca_conformance import RcaConformance
 from tests.support.rca_world import RcaRig
@@ -70,7 +71,18 @@ def test_what_the_page_promises_of_a_laser_is_so(tmp_path):
     profile = tmp_path / "rosie.toml"
     profile.write_text(block("toml") + "\n[laser]\nx = 0.1\n", encoding="utf-8")
     adapter = registry.autonomous(registry.create(str(rosie), str(profile)))
-    assert {"goto", "dock", "assist"} <= set(adapter.profile.capabilities)
+    assert {"goto", "dock"} <= set(adapter.profile.capabilities)
+    assert monitor_of(adapter.profile) is not None, "assistance"
+
+
+def test_what_the_page_promises_of_sonars_and_a_bumper_is_so(tmp_path):
+    rosie = tmp_path / "rosie.py"
+    rosie.write_text(block("python"), encoding="utf-8")
+    profile = tmp_path / "rosie.toml"
+    profile.write_text("bumper = true\n" + block("toml") + "\n[[sonars]]\nx = 0.25\ny = 0.0\ntheta = 0.0\n", encoding="utf-8")
+    adapter = registry.create(str(rosie), str(profile))
+    assert registry.autonomous(adapter) is adapter, "no map can be found by that"
+    assert monitor_of(adapter.profile) is not None, "assistance"
 
 
 @pytest.mark.parametrize(
