@@ -62,7 +62,6 @@ class KernelMachine(RuleBasedStateMachine):
         self.kernel = self.bench.kernel
         self.base, self.told, self.told_at = ZERO, ZERO, -math.inf
         self.goes = self.obeys = False  # the architecture drives; it would take a cancel
-        self.wish = None  # of the agent's own navigation
         self.own = False
         self.latched = False
         self.pressed_at = {}  # e-stops by their number
@@ -243,12 +242,13 @@ class KernelMachine(RuleBasedStateMachine):
             return
         self.navigation_is_over()
         self.kernel.navigate("g", "goto", ordered_by_server=server, now=self.now)
-        self.own, self.obeys, self.wish = own, obeys, GOING if own else None
+        self.own, self.obeys = own, obeys
+        self.bench.wanted = GOING if own else None
 
     @rule(linear=speeds, angular=speeds)
     def wishes(self, linear, angular):
         if self.own and self.kernel.navigation:
-            self.wish = m.Velocity(linear=linear, angular=angular)
+            self.bench.wanted = m.Velocity(linear=linear, angular=angular)
 
     @precondition(lambda self: self.kernel.navigation is not None)
     @rule(by_itself=st.booleans())
@@ -265,7 +265,7 @@ class KernelMachine(RuleBasedStateMachine):
         self.goes = False
 
     def navigation_is_over(self):
-        self.wish, self.own = None, False
+        self.bench.wanted, self.own = None, False
         if self.obeys:
             self.goes = False
 
@@ -327,7 +327,7 @@ class KernelMachine(RuleBasedStateMachine):
             self.base_moves()
             self.kernel.measured(self.base, self.now)
             running = self.kernel.navigation
-            decision = self.kernel.tick(self.now, self.wish if running is not None else None)
+            decision = self.kernel.tick(self.now, self.bench.wanted)
             if self.kernel.navigation is None and running is not None:
                 self.navigation_is_over()
             self.sees(decision)
@@ -344,7 +344,7 @@ class KernelMachine(RuleBasedStateMachine):
         """Judge what the base is told, and pass it on."""
         velocity, running = decision.velocity, self.kernel.navigation
         if velocity is None:
-            handed_over = running is not None and running.may_begin and self.wish is None
+            handed_over = running is not None and running.may_begin and self.bench.wanted is None
             assert handed_over or not moves(self.base), f"nobody drives, and the robot is left moving: {decision.why}"
             if handed_over and not self.goes:
                 assert not moves(self.base), "an architecture begins with a moving robot"
