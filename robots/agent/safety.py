@@ -256,13 +256,15 @@ class Kernel:
             self._still_since = now
 
     def touched(self, sides: Collection[Side] = ()) -> None:
-        """Take note of a contact: stop, and go no further towards it; without a side it is taken to be where the robot was going."""
+        """Take note of a contact: stop, end the RCA's own travel, and go no further towards it; without a side it is taken to be where the robot was going."""
         forward = self._motion.linear if self.commanded.linear == 0.0 else self.commanded.linear
         if not sides and forward != 0.0:
             sides = ["ahead" if forward > 0.0 else "behind"]
         self.contacts.felt(sides)
         self._target = ZERO
         self._restless = True
+        if self._hands_off and self.navigation and self.navigation.mode != "docking":  # a station is there to be touched
+            self._cancel_navigation("collision")
 
     @property
     def stands(self) -> bool:

@@ -34,6 +34,7 @@ from robots.agent.adapters.contract import (
     VideoSource,
     outputs_of,
 )
+from robots.agent.adapters.progress import ProgressQueue
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.area import dock_of
 from robots.agent.autonomy.perception import Body, Perception, Thought, beams_of
@@ -87,7 +88,7 @@ class AutonomyAdapter:
         self.mind = MindProcess(Body(own.series, own.footprint, own.limits, self._localizes), thought=self._think, settled=self._place)
         self._area: FloorPlanUpdate | None = None
         self.dock: Station | None = None
-        self._news: asyncio.Queue[ActionProgress | AdapterError] = asyncio.Queue()
+        self._news = ProgressQueue()
         self._due = Cadence(THINKING)
         self._last: RcaState | None = None
         self._beams: Beams | None = None
@@ -180,10 +181,7 @@ class AutonomyAdapter:
         pump = asyncio.ensure_future(self._pump())
         try:
             while True:
-                news = await self._news.get()
-                if isinstance(news, AdapterError):
-                    raise news
-                yield news
+                yield await self._news.get()
         finally:
             pump.cancel()
             await asyncio.gather(pump, return_exceptions=True)
@@ -307,14 +305,14 @@ class AutonomyAdapter:
         self._tell(news)
 
     def _tell(self, news: ActionProgress) -> None:
-        self._news.put_nowait(news)
+        self._news.put(news)
 
     async def _pump(self) -> None:
         try:
             async for news in self.inner.progress():
                 self._tell(news)
         except AdapterError as error:
-            self._news.put_nowait(error)
+            self._news.put(error)
 
 
 def _name(action: Action) -> str:

@@ -18,6 +18,7 @@ from typing import Any
 
 from robots.agent.adapters.contract import ActionProgress, AdapterError, AudioSource, Profile, RcaState, VideoSource
 from robots.agent.adapters.errands import LONGEST_DOCKING, LONGEST_TILT, Errand, Errands
+from robots.agent.adapters.progress import ProgressQueue
 from robots.agent.adapters.readings import Readings
 from robots.agent.adapters.robot_profile import BatteryRange, RobotProfile
 from robots.agent.adapters.velocity_gate import GateParams, VelocityGate
@@ -64,7 +65,7 @@ class RemoteAdapter(ABC):
         self.errands = Errands(self._tell)
         self._gate = VelocityGate(GATE, time.monotonic())
         self._failure = "not connected"
-        self._progress: asyncio.Queue[ActionProgress] = asyncio.Queue()
+        self._progress = ProgressQueue()
         self._news = asyncio.Event()
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -362,4 +363,4 @@ class RemoteAdapter(ABC):
         self.errands.end_all("the robot was lost" if why != "closed" else "the agent ends")
 
     def _tell(self, progress: ActionProgress) -> None:
-        self._progress.put_nowait(progress)
+        self._progress.put(progress)

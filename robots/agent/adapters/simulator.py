@@ -22,6 +22,7 @@ import numpy as np
 
 from robots.agent import framing
 from robots.agent.adapters.contract import NOWHERE, ActionProgress, AdapterError, AudioSource, Profile, RcaState, Sonar, SonarEcho, VideoSource
+from robots.agent.adapters.progress import ProgressQueue
 from robots.agent.adapters.robot_profile import nearest
 from robots.agent.adapters.simulator_child import end, launch
 from robots.agent.adapters.simulator_media import SimulatorCamera, SimulatorMicrophone
@@ -134,7 +135,7 @@ class SimulatorAdapter:
         self._reading: asyncio.Task[None] | None = None
         self._failure = "not connected"
         self._states: deque[RcaState] = deque(maxlen=NEWEST)
-        self._progress: asyncio.Queue[ActionProgress] = asyncio.Queue()
+        self._progress = ProgressQueue()
         self._news = asyncio.Event()
         self._scan: Scan | None = None
         self._echoes: list[SonarEcho] = []
@@ -213,7 +214,7 @@ class SimulatorAdapter:
         self._say(wire.TiltTo(action.angle))
         self._end_tilt("CANCELLED", "replaced")
         self._tilting = _Tilting(action.action_id, action.angle, time.monotonic() + LONGEST_TILT)
-        self._progress.put_nowait(ActionProgress(action.action_id, "RUNNING"))
+        self._progress.put(ActionProgress(action.action_id, "RUNNING"))
 
     async def cancel(self, action_id: str) -> None:
         """Leave the head where it is."""
@@ -393,7 +394,7 @@ class SimulatorAdapter:
 
     def _end_tilt(self, status: Any, reason: str) -> None:
         if self._tilting is not None:
-            self._progress.put_nowait(ActionProgress(self._tilting.action_id, status, reason))
+            self._progress.put(ActionProgress(self._tilting.action_id, status, reason))
             self._tilting = None
 
 

@@ -35,6 +35,7 @@ const KNOWN = [
   [/wheels do not turn/, "reason.wheels"],
   [/^navigation|the map has changed|the robot was lost|the agent ends/, "reason.navigation"],
   [/^estop$/, "reason.estop"],
+  [/^collision$/, "stuck.contact"],
   [/^no_picture$/, "reason.camera"],
   [/^network$/, "reason.network"],
   [/^fault$/, "reason.fault"],

@@ -7,7 +7,7 @@ import pytest
 from robots.agent.motion import ZERO
 from robots.api import messages as m
 from tests.support.control_rig import ControlRig, own, staff, stamped
-from tests.support.scripted_robot import NavigatingRobot
+from tests.support.scripted_robot import NavigatingRobot, still
 
 
 @pytest.fixture
@@ -50,6 +50,21 @@ def test_a_robot_at_speed_brakes_before_its_architecture_is_asked_to_drive_it(ri
     assert rig.robot.motion == ZERO
     if not hanging:
         assert rig.status("a1", "FAILED").reason == "no way there"
+
+
+@pytest.mark.parametrize("docks", [False, True], ids=["travels", "docks"])
+def test_a_contact_ends_what_an_architecture_does_by_itself_unless_it_docks(rig, docks):
+    rig.act(own(m.Dock) if docks else own(m.Goto, x=1.0, y=1.0))
+    rig.wait(lambda: rig.robot.going)
+    rig.sleep(0.3)
+    rig.robot.reading = still(contacts=1)
+    if docks:
+        beats(rig, 1.0)
+        assert rig.robot.cancelled == []
+    else:
+        assert rig.status("a1", "CANCELLED").reason == "collision"
+        assert rig.robot.motion == ZERO
+        assert rig.link.wait("event", lambda e: e.type == "collision")
 
 
 @pytest.mark.parametrize("how", ["cancel", "lease_changed", "no_lease", "heartbeat_lost", "stopped", "manual"])

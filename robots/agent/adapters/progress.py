@@ -1,0 +1,38 @@
+"""How far actions are, until the agent has heard it. Nothing grows while nobody listens: of each action every status waits once."""
+
+import asyncio
+
+from robots.agent.adapters.contract import ActionProgress, AdapterError
+
+News = ActionProgress | AdapterError
+MOST = 256
+
+
+class ProgressQueue:
+    """In order of arrival; for one loop. When there is more than `MOST`, the oldest is forgotten."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[object, News] = {}
+        self._came = asyncio.Event()
+
+    def put(self, news: News) -> None:
+        """Let news wait, in the place of older news of the same action and status."""
+        key = (news.action_id, news.status) if isinstance(news, ActionProgress) else AdapterError
+        self._waiting[key] = news
+        if len(self._waiting) > MOST:
+            del self._waiting[next(iter(self._waiting))]
+        self._came.set()
+
+    async def get(self) -> ActionProgress:
+        """Wait for the next news.
+
+        Raises:
+            AdapterError: that is what was put in.
+        """
+        while not self._waiting:
+            self._came.clear()
+            await self._came.wait()
+        news = self._waiting.pop(next(iter(self._waiting)))
+        if isinstance(news, AdapterError):
+            raise news
+        return news
