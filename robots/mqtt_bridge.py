@@ -114,7 +114,7 @@ class Bridge:
 
     def serves(self, loop: asyncio.AbstractEventLoop) -> bool:
         """Tell whether this bridge lives on `loop`."""
-        return self._loop is loop and not self._task.done()
+        return self._loop is loop and not (self._task.done() or self._watching.done())
 
     async def close(self) -> None:
         """Leave the broker and stop trying."""

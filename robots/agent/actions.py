@@ -189,9 +189,10 @@ class Actions:
         self._stopped(action, obeyed=obeyed)
 
     def _estop(self, action: EStop, sender: Sender) -> None:
+        watches = role_of(action, sender, self._kernel.leases.live(self._times.now())) == "observer"
         obeyed = self._kernel.estop(action, sender, now=self._times.now(), unix=self._times.unix())
         self._turn_wheels()
-        if action.role == "observer":
+        if watches:
             self._stopped(action, obeyed=obeyed)
         elif obeyed:
             self._latched(action.detail, action)

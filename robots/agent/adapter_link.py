@@ -195,7 +195,8 @@ class AdapterLink:
                         continue
                     silent.reschedule(now() + SILENCE)
                     self._came_up(listener)
-                    listener.reading(checked)
+                    with its_fault():  # what nobody could make anything of
+                        listener.reading(checked)
         except TimeoutError as error:
             raise AdapterError(complaint) from error
 

@@ -1,7 +1,8 @@
 """What the robot has touched, and which motions that forbids until it has backed away. Pure.
 
 A contact is on one of four sides. Ahead it forbids to drive on, behind to go back; beside the robot it forbids to turn, which would swing
-a corner in. Whoever may not turn may drive along, and whoever may not drive on may go back and turn, so there is a way out of any one contact.
+a corner in. Whoever may not turn may drive along, and whoever may not drive on may go back and turn. Between a contact ahead and one behind
+the robot may creep, so that there is a way out of any of them.
 """
 
 import math
@@ -14,6 +15,7 @@ Side = Literal["ahead", "left", "behind", "right"]
 SIDES: tuple[Side, ...] = ("ahead", "left", "behind", "right")
 BESIDE: frozenset[Side] = frozenset({"left", "right"})
 BACKED_AWAY = 0.05  # m
+CREEP = 0.05  # m/s
 
 
 def side_of(bearing: float) -> Side:
@@ -54,5 +56,7 @@ class Contacts:
         """Return the velocity without what goes further towards anything that was touched."""
         low = 0.0 if "behind" in self._left else -math.inf
         high = 0.0 if "ahead" in self._left else math.inf
+        if low == high == 0.0:
+            low, high = -CREEP, CREEP
         turn = 0.0 if BESIDE & self._left.keys() else velocity.angular
         return Velocity(linear=min(max(velocity.linear, low), high), angular=turn)

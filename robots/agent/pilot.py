@@ -58,6 +58,7 @@ from robots.api.messages import (
 log = logging.getLogger(__name__)
 
 HEARTBEAT_PERIOD = 0.2
+DISK_PERIOD = 5.0
 ADAPTER_LOST = "adapter_lost"
 RIVAL = "rival"
 CLOSING = "closing"
@@ -99,7 +100,7 @@ class Pilot:
             screens=lambda: parts.media.screens,
             call=lambda: self._calls.state(self._driver(), self._times.now()),
             networks=self._networks_told,
-            devices=lambda: (parts.media.camera_status, (*parts.media.errors, *parts.store.shortage())),
+            devices=lambda: (parts.media.camera_status, (*parts.media.errors, *self._shortage)),
         )
         self.actions = Actions(
             parts.kernel,
@@ -114,6 +115,9 @@ class Pilot:
             calls=self._calls,
         )
         self._heartbeat_due = Cadence(HEARTBEAT_PERIOD)
+        self._disk_due = Cadence(DISK_PERIOD)
+        self._shortage: tuple[str, ...] = ()
+        self._looks_at_disk = False
         self._dock: Station | None = None  # this robot's own, on the server's map
         self._writing = asyncio.Lock()  # one after the other
         self._kept_latch = parts.kernel.latch  # as the disk has it
@@ -205,12 +209,12 @@ class Pilot:
     def reading(self, reading: RcaState) -> None:
         """Take what the RCA reports, and say what has changed."""
         before, was_docked = self.reports.reading, self.reports.docked
-        reading = self._perceived(reading)
         self._kernel.measured(reading.velocity, self._times.now())
-        self._kernel.assist.clearance = reading.clearance
         if self._kernel.button(pressed=reading.estop, now=self._times.now(), unix=self._times.unix()):
             self.turn_wheels()
             self.actions.button_pressed()
+        reading = self._perceived(reading)
+        self._kernel.assist.clearance = reading.clearance
         self.reports.take(reading)
         if before.stamp > 0.0:
             self._say_changes(before, reading)
@@ -259,6 +263,9 @@ class Pilot:
         self._look_after_call()
         if self._heartbeat_due.due(self._times.now()):
             self.out.send("heartbeat", self._kernel.clocks.beat(self._times.now(), self._times.unix()))
+        if self._disk_due.due(self._times.now()) and not self._looks_at_disk:
+            self._looks_at_disk = True
+            self._spawn(self._look_at_disk())
         self.reports.tick()
 
     def deadline(self) -> float | None:
@@ -461,6 +468,11 @@ class Pilot:
         self.reports.errors.pop(name, None)
         if not self._faults:
             self._kernel.clear_fault(self._times.now())
+
+    async def _look_at_disk(self) -> None:
+        """Ask for the space that is left off the loop, which a disk that hangs must not hold up."""
+        self._shortage = await asyncio.to_thread(self._store.shortage)
+        self._looks_at_disk = False
 
     async def _keep_latch(self) -> None:
         async with self._writing:

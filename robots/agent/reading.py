@@ -29,6 +29,13 @@ def sound(reading: RcaState) -> RcaState:
     Raises:
         UnsoundReadingError: a number is NaN, infinite or out of range.
     """
+    try:
+        return _sound(reading)
+    except (TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise error if isinstance(error, UnsoundReadingError) else UnsoundReadingError(f"{type(error).__name__}: {error}") from error
+
+
+def _sound(reading: RcaState) -> RcaState:
     if not math.isfinite(reading.pose.theta):
         raise UnsoundReadingError("the heading is not a number")
     pose = msgspec.structs.replace(reading.pose, theta=wrap_angle(reading.pose.theta))
@@ -50,6 +57,11 @@ def sound(reading: RcaState) -> RcaState:
         raise UnsoundReadingError("a point of the path is not a number, or out of this world")
     if not all(map(math.isfinite, reading.bumper or ())):
         raise UnsoundReadingError("the direction of a contact is not a number")
+    if reading.scan is not None and not abs(reading.scan.angle_increment) > 0.0:
+        raise UnsoundReadingError("all beams of the scan go the same way")
+    stamps = (*(echo.stamp for echo in reading.sonar), *(() if reading.points is None else (reading.points.stamp,)))
+    if not all(map(math.isfinite, stamps)):
+        raise UnsoundReadingError("the time of an echo is not a number")
     sonar = tuple(echo for echo in reading.sonar if echo.distance is None or 0.0 <= echo.distance < math.inf)
     return replace(checked, battery=battery, sonar=sonar, points=_points(reading.points))
 

@@ -256,7 +256,7 @@ class Kernel:
             self._still_since = now
 
     def touched(self, sides: Collection[Side] = ()) -> None:
-        """Take note of a contact: stop, end the RCA's own travel, and go no further towards it; without a side it is taken to be where the robot was going."""
+        """Take note of a contact: stop, end the RCA's own travel, and go no further towards it; without a side it is where the robot was going."""
         forward = self._motion.linear if self.commanded.linear == 0.0 else self.commanded.linear
         if not sides and forward != 0.0:
             sides = ["ahead" if forward > 0.0 else "behind"]
@@ -367,7 +367,7 @@ class Kernel:
         """The base is back, standing."""
         self.fault = None
         self._hold_on(now)
-        self._current, self._target, self._steered = ZERO, ZERO, 0.0
+        self._own = self._current = self._target = ZERO
         self._unsettle()
 
     # --- actions -----------------------------------------------------------------------------------------------------

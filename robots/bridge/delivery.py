@@ -127,7 +127,7 @@ class Delivery:
 
     def bring_faults(self, now: float) -> None:
         """Bring everybody what fails now, when that has changed or was said a second ago: who hears nothing at all has lost this process."""
-        for robot, known in self.known.items():
+        for robot, known in tuple(self.known.items()):
             faults = self.watch.faults(known, now)
             told, at = self._told.get(robot, (None, float("-inf")))
             if faults != told or now - at >= FAULTS_SECONDS:

@@ -3,24 +3,25 @@
 import asyncio
 
 from robots.agent.adapters.contract import ActionProgress, AdapterError
+from robots.agent.ledger import ENDED
 
 News = ActionProgress | AdapterError
 MOST = 256
 
 
 class ProgressQueue:
-    """In order of arrival; for one loop. When there is more than `MOST`, the oldest is forgotten."""
+    """In order of arrival; for one loop. When there is more than `MOST`, the oldest that ends no action is forgotten first."""
 
     def __init__(self) -> None:
-        self._waiting: dict[object, News] = {}
+        self._waiting: dict[tuple[str, str], News] = {}
         self._came = asyncio.Event()
 
     def put(self, news: News) -> None:
         """Let news wait, in the place of older news of the same action and status."""
-        key = (news.action_id, news.status) if isinstance(news, ActionProgress) else AdapterError
+        key = (news.action_id, news.status) if isinstance(news, ActionProgress) else ("", "FAILED")
         self._waiting[key] = news
         if len(self._waiting) > MOST:
-            del self._waiting[next(iter(self._waiting))]
+            del self._waiting[min(self._waiting, key=_ends)]  # the oldest of those that end nothing
         self._came.set()
 
     async def get(self) -> ActionProgress:
@@ -36,3 +37,7 @@ class ProgressQueue:
         if isinstance(news, AdapterError):
             raise news
         return news
+
+
+def _ends(key: tuple[str, str]) -> bool:
+    return key[1] in ENDED

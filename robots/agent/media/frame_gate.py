@@ -39,11 +39,9 @@ class FrameGate:
 
     def take(self, frame: str | bytes, now: float) -> Heard | None:
         """Return what a frame says, or why that cannot be read; None when it is too large or one too many."""
-        heard = decoded(frame)
-        verdict: Verdict = "accepted"
-        if len(frame) > MAX_BYTES:
-            verdict = "oversized"
-        elif not self._buckets[_kind(heard)].spend(now):
+        heard = None if len(frame) > MAX_BYTES else decoded(frame)
+        verdict: Verdict = "oversized" if heard is None else "accepted"
+        if heard is not None and not self._buckets[_kind(heard)].spend(now):
             verdict = "too_fast"
         self.counts[verdict] += 1
         if verdict == "accepted":

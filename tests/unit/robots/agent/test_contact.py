@@ -1,12 +1,13 @@
 """Contacts with a direction: what they forbid, what lets go of them, and what the pages hear."""
 
+import itertools
 import math
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.agent.contact import BACKED_AWAY, BESIDE, SIDES, Contacts, side_of, sides_of
+from robots.agent.contact import BACKED_AWAY, BESIDE, CREEP, SIDES, Contacts, side_of, sides_of
 from robots.agent.motion import ZERO
 from robots.api.messages import Velocity
 from tests.support.control_rig import ControlRig
@@ -31,10 +32,11 @@ def test_nothing_moves_towards_what_is_touched_and_nothing_is_added(sides, veloc
     contacts = Contacts()
     contacts.felt(sides)
     left = contacts.clamp(velocity)
-    assert "ahead" not in sides or left.linear <= 0.0
-    assert "behind" not in sides or left.linear >= 0.0
+    between = CREEP if {"ahead", "behind"} <= sides else 0.0
+    assert "ahead" not in sides or left.linear <= between
+    assert "behind" not in sides or left.linear >= -between
     assert not BESIDE & sides or left.angular == 0.0
-    assert left.linear in {0.0, velocity.linear}
+    assert left.linear in {0.0, velocity.linear, math.copysign(between, velocity.linear)}
     assert left.angular in {0.0, velocity.angular}
 
 
@@ -113,3 +115,15 @@ def test_an_adapter_that_only_counts_is_understood_as_before(rig):
     rig.robot.reading = still(contacts=1)
     assert rig.link.wait("event", lambda e: e.type == "collision").detail == ""
     assert rig.link.wait("state", lambda s: s.safety.touched).safety.touched == ("ahead",)
+
+
+@pytest.mark.parametrize("sides", [some for number in range(1, 5) for some in itertools.combinations(SIDES, number)])
+def test_from_whatever_was_touched_a_driver_gets_free(sides):
+    contacts = Contacts()
+    contacts.felt(sides)
+    for _ in range(200):
+        if not contacts:
+            return
+        wanted = Velocity(linear=-0.3 if "ahead" in contacts.sides else 0.3, angular=0.0)
+        contacts.moved(contacts.clamp(wanted).linear * 0.02)
+    raise AssertionError(contacts.sides)

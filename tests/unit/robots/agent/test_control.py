@@ -239,6 +239,29 @@ def test_an_estop_of_somebody_who_only_watches_stops_the_robot_and_ends_nobodys_
     assert rig.store.latch() is None
 
 
+@pytest.mark.parametrize("way", ["datachannel", "mqtt"])
+def test_an_estop_of_the_robots_own_screen_latches_and_is_kept(rig, way):
+    rig.grant()
+    action = m.EStop(action_id="e1", stamp=rig.unix(), role="screen")
+    if way == "mqtt":
+        rig.link.say("command/action", action)
+    else:
+        rig.frame("command/action", action, peer="screen-1", role="screen")
+    rig.status("e1", "FINISHED")
+    assert rig.link.wait("event", lambda e: e.type == "estop").action_id == "e1"
+    assert rig.store.latch().source == "screen"
+
+
+def test_a_goto_that_was_said_before_a_stop_is_not_begun_after_it(rig):
+    rig.grant()
+    rig.frame("command/action", m.Goto(action_id="g1", stamp=rig.unix(), session="s1", epoch=1, x=1.0, y=1.0))
+    rig.frame("command/action", m.Stop(action_id="st", stamp=rig.unix(), session="s1", epoch=1, seq=rig.seq + 1))
+    rig.status("st", "FINISHED")
+    rig.sleep(1.0)
+    assert rig.kernel.navigation is None
+    assert rig.robot.started == []
+
+
 def test_of_a_hundred_estops_the_disk_hears_few_times_and_all_are_answered(rig):
     written = []
     keep = rig.store.keep_latch

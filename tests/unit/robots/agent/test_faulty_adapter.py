@@ -2,14 +2,17 @@
 
 import asyncio
 import contextlib
+import dataclasses
 import math
+from typing import ClassVar
 
 import pytest
 
+from robots.agent.adapters.contract import ObstaclePoints, Sonar, SonarEcho
 from robots.agent.motion import ZERO
 from robots.api import messages as m
 from tests.support.control_rig import ControlRig, own, stamped
-from tests.support.scripted_robot import NavigatingRobot
+from tests.support.scripted_robot import PROFILE, NavigatingRobot
 
 REASONS = {"raises": "ZeroDivisionError: in its SDK", "hangs": "", "returns nonsense": ""}
 
@@ -168,3 +171,38 @@ def test_a_message_that_cannot_be_dealt_with_stops_the_robot_on_either_way_and_t
     assert rig.link.wait("state", lambda s: s.refused.get("failed")).boot == "boot-1"
     rig.drive(0.0, until=lambda: not rig.kernel.held)
     rig.drive(0.5)
+
+
+class SensingRobot(NavigatingRobot):
+    """One with every sensor for obstacles, which now and then reports nonsense."""
+
+    nonsense: ClassVar[dict[str, object]] = {}
+
+    async def states(self):
+        async for reading in super().states():
+            yield dataclasses.replace(reading, **self.nonsense)
+
+
+SENSING = dataclasses.replace(PROFILE, laser=m.Laser(x=0.0), sonars=(Sonar(0.2, 0.0, 0.0),), bumper=True)
+NONSENSE = {
+    "beams that all go one way": {
+        "scan": m.Scan(stamp=1.0, angle_min=0.0, angle_increment=0.0, range_max=8.0, ranges=(1.0, 2.0)),
+    },
+    "an echo without a time": {"sonar": (SonarEcho(0, None, 1.0),)},
+    "an echo of letters": {"sonar": (SonarEcho(0, 1.0, "x"),)},
+    "a contact nowhere": {"bumper": (None,)},
+    "points that are none": {"points": ObstaclePoints(1.0, "x")},
+    "a velocity that is none": {"velocity": None},
+    "no pose": {"pose": None},
+}
+
+
+@pytest.mark.parametrize("what", NONSENSE)
+def test_a_reading_that_is_none_is_the_adapters_fault_and_the_loop_goes_on(tmp_path, what):
+    with ControlRig(tmp_path, robot=SensingRobot(SENSING)) as rig:
+        rig.grant()
+        for _ in range(2):
+            rig.robot.nonsense = NONSENSE[what]
+            assert any("nonsense" in error for error in told_why(rig))
+            rig.robot.nonsense = {}
+            rig.wait(lambda: rig.kernel.fault is None, within=60.0)

@@ -41,9 +41,21 @@ def test_of_a_flood_the_newest_is_heard_and_the_loop_is_woken_once() -> None:
 def test_stops_of_all_pages_come_before_everything_else() -> None:
     loop = Loop()
     for peer in ("p1", "p2"):
-        loop.ingress.put(peer, "observer", velocity(1))
         loop.ingress.put(peer, "observer", EStop(action_id=f"e-{peer}", stamp=1.0))
+        loop.ingress.put(peer, "observer", velocity(1))
     assert [type(command) for command in loop.heard()] == [EStop, EStop, VelocityCommand, VelocityCommand]
+
+
+def test_what_a_page_said_before_its_stop_moves_nothing_after_it() -> None:
+    loop = Loop()
+    goto = Goto(action_id="g1", stamp=1.0, x=1.0, y=2.0)
+    stop, cancel = Stop(action_id="s1", stamp=1.0), Cancel(action_id="c1", stamp=1.0)
+    for said in (velocity(1), goto, cancel, stop, velocity(2)):
+        loop.ingress.put("p1", "driver", said)
+    loop.ingress.put("p2", "driver", goto)
+    said, rejected = loop.ingress.drain()
+    assert [command for _, _, command in said] == [stop, cancel, velocity(2), goto]
+    assert rejected == {"stopped": 2}
 
 
 def test_what_one_page_wants_is_heard_in_the_order_in_which_it_was_said() -> None:

@@ -100,6 +100,7 @@ def test_what_was_under_way_when_the_driver_stopped_moves_nothing_any_more(rig):
     impaired(rig, m.NetworkLab(delay=0.8))  # so long that the stop is said meanwhile also by a driver who is held up
     for _ in range(4):
         rig.push(0.5)
+        rig.sleep(0.01)
     rig.act(own(m.Stop, "stop-1", seq=rig.seq + 1), way="datachannel")
     rig.link.wait("state", lambda s: s.safety.stop_id == "stop-1")
     rig.link.wait("state", lambda s: s.refused.get("old_seq", 0) + s.refused.get("stale", 0) > 0)
