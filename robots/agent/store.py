@@ -39,7 +39,10 @@ class Store:
 
     def shortage(self) -> tuple[str, ...]:
         """Return what the robot's `errors` say of a disk that fills up: `disk_low` or `disk_full`, a colon, and what is left. Quick."""
-        state = self._space.state() if self._latch.parent.is_dir() else "ok"
+        try:
+            state = self._space.state() if self._latch.parent.is_dir() else "ok"
+        except OSError:  # a disk that is dying
+            state = "full"
         return () if state == "ok" else (f"disk_{state}: {self._space.free() // MIB} MB are free on the robot's computer",)
 
     def latch(self) -> Latch | None:

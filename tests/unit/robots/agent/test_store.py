@@ -1,5 +1,6 @@
 """What survives a restart of the agent."""
 
+import errno
 from types import SimpleNamespace
 
 from robots.agent.latch import Latch
@@ -53,3 +54,14 @@ def test_a_disk_that_fills_up_is_told_before_it_is_full(tmp_path, monkeypatch):
     assert store.shortage() == ("disk_low: 150 MB are free on the robot's computer",)
     free = MIB
     assert store.shortage() == ("disk_full: 1 MB are free on the robot's computer",)
+
+
+def test_a_disk_that_cannot_even_be_asked_is_told_as_full_and_raises_nothing(tmp_path, monkeypatch):
+    store = Store(tmp_path / "giraff")
+
+    def dying(_path):
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr("pathlib.Path.is_dir", dying)
+    monkeypatch.setattr(disk_space.shutil, "disk_usage", dying)
+    assert store.shortage() == ("disk_full: 0 MB are free on the robot's computer",)
