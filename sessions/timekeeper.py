@@ -32,6 +32,7 @@ logger = logging.getLogger(__name__)
 
 CLOSE_AGAIN_SECONDS = 5.0
 CALL_SECONDS = 5.0  # for which a robot is not as the next visit needs it before anybody is called: one that has just come says how it is
+NEVER = (-1, 0.0)  # epoch and time of a lease that was not published yet
 UNREAD = ("report", "doors", "description")  # of a robot, which nobody needs here twice a second
 
 
@@ -61,16 +62,13 @@ class Timekeeper:
     def begin(self) -> None:
         """Forget what was published: a new broker, or an old one that has forgotten it too, is told everything again.
 
-        A robot that nobody drives is told so, because the broker may have kept a lease from before a crash.
+        The broker may have kept a lease of any robot from before a crash, so that the next renewal tells each who drives, or that nobody
+        does: what is read here may be old news by then.
         """
         for letter in [letter for letter in self.outbox if letter.retain]:
             self.outbox.remove(letter)
-        self._leases = {}
+        self._leases = dict.fromkeys(Robot.objects.values_list("name", flat=True), NEVER)
         self._places = {}
-        held = set(Lease.objects.filter(session__state__in=LIVE).values_list("robot_id", flat=True))
-        for key, name in Robot.objects.values_list("pk", "name"):
-            if key not in held:
-                self._publish_lease(name, b"")
 
     def look(self, links: dict[str, Link], default: Link, now: datetime.datetime) -> list[CloseItem]:
         """Do what is due everywhere; return the sessions whose record can be closed.
@@ -205,7 +203,7 @@ class Timekeeper:
         for name, (key, epoch, state) in held.items():
             if state == Session.State.WAITING:
                 continue  # it is being granted: its terms are not fixed yet
-            known, renewed = self._leases.get(name, (-1, 0.0))
+            known, renewed = self._leases.get(name, NEVER)
             if known != epoch:
                 # Robots that were taken together, as by a class, are not renewed together from then on.
                 due[key] = random.random() * settings.LEASE_RENEWAL_SECONDS  # noqa: S311 -- spreads renewals

@@ -157,6 +157,28 @@ async def test_states_reach_the_signal_once_and_in_order(broker, giraff, visitor
     assert seen == [(session, seq) for seq in range(seen[0][1], seen[0][1] + len(seen))]
 
 
+async def test_a_robot_that_is_taken_during_the_first_look_keeps_its_lease(broker, giraff, visitors):
+    """Busy computers take seconds for it, and that nobody drove when the manager came is old news by then."""
+    first = iter([True])
+
+    def takes(**_news):
+        if next(first, False):
+            taken = turns.take(Robot.objects.get(name="giraff"), visitors["ana"], "peer-ana", now=timezone.now())
+            assert isinstance(taken, turns.Granted)
+
+    async with ScriptedRobot("giraff", broker.url) as robot:
+        await sync_to_async(Robot.objects.filter(name="giraff").update)(connection="ONLINE", last_seen_at=timezone.now())
+        signals.looked.connect(takes, weak=False, dispatch_uid="test")
+        try:
+            async with running_manager(broker.url):
+                await wait_for(lambda: any(robot.leases), what="the lease")
+                await asyncio.sleep(0.5)
+        finally:
+            signals.looked.disconnect(dispatch_uid="test")
+    given = [lease is not None for lease in robot.leases]
+    assert given == sorted(given), "the lease was taken away again"
+
+
 async def test_a_receiver_that_raises_stops_neither_the_others_nor_the_record(broker, giraff, visitors):
     seen = []
 
