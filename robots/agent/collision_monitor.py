@@ -103,12 +103,16 @@ class CollisionMonitor:
         return self._reckoning
 
     def points(self) -> Floats:
-        """Return (n, 2) what was seen within `ABOUT` metres lately, in the robot's frame."""
-        return self._seen(ABOUT)
+        """Return (n, 2) what was seen within `ABOUT` metres lately, in the robot's frame.
+
+        Navigation looks for its way between them, so the arcs of sonars are among them only where nothing knows better.
+        """
+        exact = [source for source in self._sources if source.exact]
+        return self._seen(ABOUT, exact or self._sources)
 
     def clearance(self) -> float | None:
         """Return the distance in metres from the footprint to the nearest thing that was seen lately, None when nothing is near."""
-        near = self._seen(self._assist.reach)
+        near = self._seen(self._assist.reach, self._sources)
         return max(float(outside(self._assist.hull, near).min()), TOUCHING) if len(near) else None
 
     def why(self, now: float) -> tuple[str, Point | None]:
@@ -122,16 +126,16 @@ class CollisionMonitor:
         found = [source.about(self._here, radius) for source in self._sources]
         return found[0] if len(found) == 1 else (np.concatenate([points for points, _ in found]), np.concatenate([off for _, off in found]))
 
-    def _seen(self, radius: float) -> Floats:
+    def _seen(self, radius: float, sources: Sequence[ObstacleSource]) -> Floats:
         if self._here is None:
             return NO_POINTS
-        return np.concatenate([source.seen(self._here, radius) for source in self._sources])
+        return np.concatenate([source.seen(self._here, radius) for source in sources])
 
 
 def monitor_of(profile: Profile) -> CollisionMonitor | None:
-    """Return the collision monitor of a robot, None for one without a sensor for obstacles, or whose RCA assists by itself."""
+    """Return the collision monitor of a robot, None for one without a sensor for obstacles."""
     sources = sources_of(profile)
-    return CollisionMonitor(profile.footprint, profile.limits, sources) if sources and "assist" not in profile.capabilities else None
+    return CollisionMonitor(profile.footprint, profile.limits, sources) if sources else None
 
 
 def seen_from(pose: Pose, dock: Station | None) -> Pose2D | None:

@@ -63,9 +63,10 @@ class ControlLoop:
     ) -> None:
         profile = adapter.profile
         monitor = self._monitor = monitor_of(profile)
-        assists: frozenset[Capability] = frozenset() if monitor is None else frozenset({"assist"})
+        shaper = None if "assist" in profile.capabilities else monitor  # an RCA that assists by itself needs no other
+        assists: frozenset[Capability] = frozenset() if shaper is None else frozenset({"assist"})
         self.kernel = Kernel(
-            profile.limits, profile.watchdog, capabilities | assists, latch=store.latch(), newest_lease=store.lease(), monitor=monitor
+            profile.limits, profile.watchdog, capabilities | assists, latch=store.latch(), newest_lease=store.lease(), monitor=shaper
         )
         self.failed = True  # until it has ended well; why it did not, threading.excepthook is told
         self._adapter, self._link, self._store, self._boot = AdapterLink(adapter, rng=rng), link, store, boot

@@ -21,7 +21,7 @@ import numpy as np
 from robots.agent.adapters.contract import DepthCamera, Profile, RcaState, Sonar
 from robots.agent.autonomy.perception import beams_of
 from robots.agent.localization.odometry import Track
-from robots.agent.navigation.obstacles import SAME_BEARING, ObstacleMemory, into, out_of
+from robots.agent.navigation.obstacles import SAME_BEARING, MemorySettings, ObstacleMemory, into, out_of
 from robots.agent.navigation.swept import Hull, hull
 from robots.agent.world.sensing import Beams, Floats
 from robots.api.geometry import Pose2D, wrap_angle
@@ -37,12 +37,14 @@ class ObstacleSource(Protocol):
     """A sensor of one robot. Stamps are the robot's Unix time, `now` is monotonic time, both in seconds.
 
     `silence` is how long it may say nothing before it is lost, in seconds; `loss` what the robot may do then. Nearer to the footprint than
-    `vague` metres it cannot tell how near something is, and a driver who is helped creeps.
+    `vague` metres it cannot tell how near something is, and a driver who is helped creeps. `exact` says that it knows where things are,
+    and not only how far.
     """
 
     silence: float
     loss: Loss
     vague: float
+    exact: bool
 
     def sense(self, reading: RcaState, track: Track, now: float) -> None:
         """Take what is new in a reading; `track` tells where the robot was at its stamps."""
@@ -66,11 +68,12 @@ class LaserSource:
     silence = 0.5
     loss: Loss = "stand"
     vague = 0.0
+    exact = True
 
-    def __init__(self, laser: Laser) -> None:
+    def __init__(self, laser: Laser, settings: MemorySettings | None = None) -> None:
         self._heard_at = -math.inf
         self._laser = laser
-        self._memory = ObstacleMemory()
+        self._memory = ObstacleMemory(settings)
 
     def sense(self, reading: RcaState, track: Track, now: float) -> None:
         """Take the scan of a reading, when it has one."""
@@ -105,7 +108,7 @@ class DepthSource(LaserSource):
     """A depth camera: its points are taken as the sweep of a laser with its field of view, the nearest in each direction."""
 
     def __init__(self, camera: DepthCamera, beams: int = 120) -> None:
-        super().__init__(Laser(x=camera.x, y=camera.y, theta=camera.theta))
+        super().__init__(Laser(x=camera.x, y=camera.y, theta=camera.theta), MemorySettings(sees=0.0))
         self._camera, self._beams = camera, beams
         self._mount = Pose2D(camera.x, camera.y, camera.theta)
 
@@ -119,7 +122,7 @@ class DepthSource(LaserSource):
         beam = np.rint((np.arctan2(local[:, 1], local[:, 0]) + camera.width / 2.0) / step).astype(np.intp)
         distance = np.hypot(local[:, 0], local[:, 1])
         inside = (beam >= 0) & (beam < self._beams) & (distance < camera.farthest)
-        ranges = np.full(self._beams, camera.farthest)
+        ranges = np.full(self._beams, np.inf)
         np.minimum.at(ranges, beam[inside], distance[inside])
         self.look(Beams(seen.stamp, -camera.width / 2.0, step, camera.farthest, ranges, self._mount), track, now)
 
@@ -138,6 +141,7 @@ class SonarSource:
     silence = 1.0
     loss: Loss = "stand"
     vague = 0.1
+    exact = False
     SPACING = 0.05  # metres between two points of an arc
     OFF = 0.02  # metres that an echo may be off
     MARGIN = 0.06  # metres by which a point must be nearer than an echo to be looked through
@@ -211,6 +215,7 @@ class BumperSource:
     silence = 0.5
     loss: Loss = "creep"
     vague = 0.05
+    exact = True
     KEPT = 20.0  # s
     FELT = np.linspace(-0.2, 0.2, 5)  # rad about the direction of a contact that count as touched
     BEYOND = 0.005  # metres

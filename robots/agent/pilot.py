@@ -229,9 +229,11 @@ class Pilot:
         monitor.sense(reading, now)
         reading = self._adapter.located(reading, monitor.points())
         monitor.dock = seen_from(reading.pose, self._adapter.dock or self._dock)
+        reading = replace(reading, clearance=monitor.clearance() if reading.clearance is None else reading.clearance)
+        if self._kernel.monitor is None:
+            return reading
         why, point = monitor.why(now)
-        clearance = monitor.clearance() if reading.clearance is None else reading.clearance
-        return replace(reading, clearance=clearance, assist_why=why, assist_point=point)
+        return replace(reading, assist_why=why, assist_point=point)
 
     def progressed(self, progress: ActionProgress) -> None:
         """Take news of an action."""

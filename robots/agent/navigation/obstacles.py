@@ -39,7 +39,7 @@ class MemorySettings:
     `doubts` how many sweeps must see through a point. A `jump` of the odometry between two sweeps means that it began anew.
     A point may be off by so much for each metre of that way as fills `inexact` after `inexact_way`, and by no more.
     An edge nearer than `edge_near` to the laser, with what is beside it farther by `edge` or more, is taken to go on so far `behind`;
-    sweeps are looked at for edges so much of that way `apart`.
+    sweeps are looked at for edges so much of that way `apart`. `sees` is the share of beams that has to come back.
     """
 
     radius: float = 4.0
@@ -58,6 +58,7 @@ class MemorySettings:
     edge_near: float = 1.5
     behind: tuple[float, ...] = (0.04, 0.08)
     apart: float = 0.02
+    sees: float = SEES
 
 
 class ObstacleMemory:
@@ -86,7 +87,7 @@ class ObstacleMemory:
     def update(self, odometry: Pose2D, beams: Beams) -> None:
         """Take a sweep, and the odometry (pose in any frame that is smooth) of the moment at which it was measured."""
         self._travel(odometry)
-        if not sees(beams):
+        if not sees(beams, self.settings.sees):
             return
         self.seen = beams.stamp
         self._look(odometry, beams)
@@ -210,9 +211,9 @@ def behind_edges(beams: Beams, settings: MemorySettings) -> Floats:
     return out_of(beams.mount, np.stack([ends * np.cos(angles), ends * np.sin(angles)], axis=-1).reshape(-1, 2))
 
 
-def sees(beams: Beams) -> bool:
-    """Tell whether enough came back for a sweep to be that of a laser that sees."""
-    return len(beams.ranges) > 0 and int(np.count_nonzero(np.isfinite(beams.ranges))) >= SEES * len(beams.ranges)
+def sees(beams: Beams, share: float = SEES) -> bool:
+    """Tell whether enough came back for a sweep to be that of a laser that sees: a share of its beams."""
+    return len(beams.ranges) > 0 and int(np.count_nonzero(np.isfinite(beams.ranges))) >= share * len(beams.ranges)
 
 
 def shortest_of_neighbours(ranges: Floats) -> Floats:

@@ -70,12 +70,12 @@ def test_a_laser_that_says_nothing_any_more_or_sees_nothing_makes_it_blind():
     assert watch.shape(AHEAD, AHEAD, "slow", 1.55).why == "blind"
 
 
-def test_a_robot_gets_one_when_it_names_a_sensor_and_does_not_assist_by_itself():
+def test_a_robot_gets_one_when_it_names_a_sensor():
     seeing = replace(PROFILE, laser=Laser(x=0.0))
     assert monitor_of(PROFILE) is None
     assert monitor_of(seeing) is not None
     assert monitor_of(replace(seeing, capabilities=(*seeing.capabilities, "localization", "goto"))) is not None, "one does not hang on the other"
-    assert monitor_of(replace(seeing, capabilities=(*seeing.capabilities, "assist"))) is None
+    assert monitor_of(replace(seeing, capabilities=(*seeing.capabilities, "assist"))) is not None, "navigation needs its points"
 
 
 def test_a_dock_is_seen_from_a_robot_that_knows_where_it_is_and_from_no_other():

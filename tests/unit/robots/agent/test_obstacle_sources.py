@@ -180,9 +180,18 @@ def test_depth_points_are_seen_where_they_are_and_an_empty_view_is_no_fault():
     for stamp in (1.1, 1.2, 1.3):
         source.sense(reading(stamp, points=ObstaclePoints(stamp, np.zeros((0, 2)))), track, stamp)
     assert source.heard_at() == 1.3
-    assert len(source.seen(ORIGIN, 1.5)) == 0
+    assert len(source.seen(ORIGIN, 4.0)) == 0, "the floor is free, and no wall stands at the end of its view"
     assert source.looks(0.0)
     assert not source.looks(math.pi)
+
+
+def test_navigation_goes_by_arcs_of_sonars_only_where_nothing_knows_better():
+    depth = reading(points=ObstaclePoints(1.0, np.array([[1.0, 0.1]])), sonar=echoes(0.6))
+    for sources, expected in (((SonarSource((FRONT,)),), 0.9), ((SonarSource((FRONT,)), DepthSource(DepthCamera())), 1.0)):
+        watch = monitor(*sources)
+        watch.sense(depth, 1.0)
+        assert watch.points()[:, 0].max() == pytest.approx(expected, abs=0.02)
+        assert watch.clearance() < 0.7
 
 
 def test_a_depth_camera_that_falls_silent_stops_the_driver():
