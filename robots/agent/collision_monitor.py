@@ -107,8 +107,8 @@ class CollisionMonitor:
 
         Navigation looks for its way between them, so the arcs of sonars are among them only where nothing knows better.
         """
-        exact = [source for source in self._sources if source.exact]
-        return self._seen(ABOUT, exact or self._sources)
+        knows_better = any(source.tells == "place" for source in self._sources)
+        return self._seen(ABOUT, [source for source in self._sources if not (knows_better and source.tells == "arc")])
 
     def clearance(self) -> float | None:
         """Return the distance in metres from the footprint to the nearest thing that was seen lately, None when nothing is near."""

@@ -28,6 +28,7 @@ from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Laser
 
 Loss = Literal["stand", "creep"]
+Tells = Literal["place", "arc", "touch"]
 NO_POINTS: Floats = np.zeros((0, 2))
 NOTHING = NO_POINTS, np.zeros(0)
 SAME_WAY = 0.3  # rad beside its cone in which a sensor counts as looking still: a robot that drives a little askew sees where it goes
@@ -37,14 +38,14 @@ class ObstacleSource(Protocol):
     """A sensor of one robot. Stamps are the robot's Unix time, `now` is monotonic time, both in seconds.
 
     `silence` is how long it may say nothing before it is lost, in seconds; `loss` what the robot may do then. Nearer to the footprint than
-    `vague` metres it cannot tell how near something is, and a driver who is helped creeps. `exact` says that it knows where things are,
-    and not only how far.
+    `vague` metres it cannot tell how near something is, and a driver who is helped creeps. `tells` says what its points are: where
+    something is, an arc somewhere on which something is, or a touch.
     """
 
     silence: float
     loss: Loss
     vague: float
-    exact: bool
+    tells: Tells
 
     def sense(self, reading: RcaState, track: Track, now: float) -> None:
         """Take what is new in a reading; `track` tells where the robot was at its stamps."""
@@ -68,7 +69,7 @@ class LaserSource:
     silence = 0.5
     loss: Loss = "stand"
     vague = 0.0
-    exact = True
+    tells: Tells = "place"
 
     def __init__(self, laser: Laser, settings: MemorySettings | None = None) -> None:
         self._heard_at = -math.inf
@@ -141,7 +142,7 @@ class SonarSource:
     silence = 1.0
     loss: Loss = "stand"
     vague = 0.1
-    exact = False
+    tells: Tells = "arc"
     SPACING = 0.05  # metres between two points of an arc
     OFF = 0.02  # metres that an echo may be off
     MARGIN = 0.06  # metres by which a point must be nearer than an echo to be looked through
@@ -215,7 +216,7 @@ class BumperSource:
     silence = 0.5
     loss: Loss = "creep"
     vague = 0.05
-    exact = True
+    tells: Tells = "touch"
     KEPT = 20.0  # s
     FELT = np.linspace(-0.2, 0.2, 5)  # rad about the direction of a contact that count as touched
     BEYOND = 0.005  # metres

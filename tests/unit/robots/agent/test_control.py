@@ -3,15 +3,18 @@
 import hashlib
 import random
 import statistics
+from dataclasses import replace
 from itertools import pairwise
 
 import av
+import numpy as np
 import pytest
 
 from robots.agent.media.frame_gate import decoded
 from robots.agent.motion import ZERO
 from robots.api import messages as m
 from robots.api import picture
+from robots.api.geometry import Pose2D
 from tests.support.control_rig import ControlRig, own, staff, stamped
 from tests.support.scripted_robot import ScriptedRobot, still
 
@@ -470,6 +473,44 @@ def test_config_reaches_the_adapter_and_sets_the_assistance(rig):
     assert rig.robot.configs[-1].doors == {"north": "open"}
     rig.link.say("config", m.Config(stamp=2.0, doors={"north": "closed"}), retained=True)
     assert rig.link.wait("event", lambda e: e.type == "door_changed").detail == "north closed"
+
+
+class NavigatedRobot(ScriptedRobot):
+    """A robot with a laser whose architecture assists by itself, and for which our own navigation looks for the way."""
+
+    def __post_init__(self):
+        super().__post_init__()
+        self.profile = replace(self.profile, capabilities=(*self.profile.capabilities, "assist"), laser=m.Laser(x=0.0))
+        self.points = []
+
+    async def states(self):
+        async for reading in super().states():
+            ranges = (1.0,) * 19
+            scan = m.Scan(stamp=reading.stamp, angle_min=-0.9, angle_increment=0.1, range_max=5.0, ranges=ranges)
+            yield replace(reading, odometry=Pose2D(0.0, 0.0, 0.0), scan=scan)
+
+    def wanted(self):
+        return None
+
+    def located(self, reading, points):
+        self.points.append(points)
+        return reading
+
+    def take_floorplan(self, update):
+        raise AssertionError("no test sends one")
+
+    @property
+    def dock(self):
+        return None
+
+
+def test_our_navigation_gets_what_is_in_the_way_where_the_architecture_assists_by_itself(tmp_path):
+    robot = NavigatedRobot()
+    with ControlRig(tmp_path, robot=robot) as rig:
+        rig.wait(lambda: robot.points and len(robot.points[-1]))
+        assert np.hypot(*robot.points[-1].T).min() == pytest.approx(1.0, abs=0.05)
+        assert rig.kernel.monitor is None, "it is helped once, and not twice"
+        assert rig.link.wait("state", lambda s: s.clearance).assist_why == ""
 
 
 def test_signals_reach_the_media_side_with_their_peer(rig):

@@ -187,7 +187,8 @@ def test_depth_points_are_seen_where_they_are_and_an_empty_view_is_no_fault():
 
 def test_navigation_goes_by_arcs_of_sonars_only_where_nothing_knows_better():
     depth = reading(points=ObstaclePoints(1.0, np.array([[1.0, 0.1]])), sonar=echoes(0.6))
-    for sources, expected in (((SonarSource((FRONT,)),), 0.9), ((SonarSource((FRONT,)), DepthSource(DepthCamera())), 1.0)):
+    sonar, bumper = SonarSource((FRONT,)), BumperSource(hull(FOOTPRINT))
+    for sources, expected in (((sonar,), 0.9), ((sonar, bumper), 0.9), ((SonarSource((FRONT,)), DepthSource(DepthCamera())), 1.0)):
         watch = monitor(*sources)
         watch.sense(depth, 1.0)
         assert watch.points()[:, 0].max() == pytest.approx(expected, abs=0.02)
