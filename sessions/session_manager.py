@@ -30,7 +30,7 @@ from django.db import DatabaseError, InterfaceError, connection
 from django.utils import timezone
 
 from robots.api import codec, messages, topics
-from robots.api.disk_space import DiskSpace
+from robots.api.disk_space import DiskSpace, DiskState
 from robots.bridge import broker_address
 from robots.bridge.inbox import Inbox
 from robots.bridge.quick_reading import read_quickly
@@ -93,6 +93,7 @@ class SessionManager:
         self._asking: set[asyncio.Task[None]] = set()
         self._health = ManagerHealth()
         self._disk = DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB)
+        self._disk_state: DiskState = "ok"
         self._clockwork = ThreadPoolExecutor(1, "clockwork")
         self._beating = ThreadPoolExecutor(1, "beat")
 
@@ -264,6 +265,7 @@ class SessionManager:
     def _look(self) -> list[CloseItem]:
         """In the clockwork's thread: first who is there, then what time does."""
         now = timezone.now()
+        self._disk_state = self._disk.state()  # here, for a dying disk may not answer: then no look comes back, and that is told
         for news in self._intake.presence_news():
             change = self._presence.take(news.robot, news.message, now, retained=news.retained)
             if change is not None:
@@ -301,9 +303,9 @@ class SessionManager:
             await asyncio.sleep(HEARTBEAT_SECONDS)
 
     async def _tell_status_for_ever(self) -> None:
-        """Say that this process lives and what it lacks; from the loop, which no database holds up."""
+        """Say that this process lives and what it lacks; from the loop, which neither database nor disk holds up."""
         while True:
-            status = messages.ManagerStatus(stamp=self._clock(), faults=self._health.faults(time.monotonic(), self._disk.state()))
+            status = messages.ManagerStatus(stamp=self._clock(), faults=self._health.faults(time.monotonic(), self._disk_state))
             await self._client.publish(topics.MANAGER_STATUS, codec.encode(status))
             await asyncio.sleep(STATUS_SECONDS)
 

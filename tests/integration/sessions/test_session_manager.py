@@ -3,6 +3,7 @@
 import asyncio
 import datetime
 import hashlib
+import threading
 import time
 from collections.abc import Callable
 
@@ -14,6 +15,8 @@ from django.utils import timezone
 
 from accounts.models import User
 from robots.api import codec, messages, topics
+from robots.api.disk_space import DiskSpace
+from robots.cancellation import cancel
 from robots.models import Robot
 from sessions import signals, turns, wire
 from sessions.models import Lease, NetworkSample, Session, SessionEvent, Snapshot, StateChunk, SystemLog
@@ -194,6 +197,36 @@ async def test_a_receiver_that_raises_stops_neither_the_others_nor_the_record(br
     finally:
         signals.state_received.disconnect(dispatch_uid="raises")
         signals.state_received.disconnect(dispatch_uid="test")
+
+
+async def test_a_disk_that_answers_nobody_is_told_and_holds_up_no_message(broker, giraff, visitors, monkeypatch):
+    answers, told = threading.Event(), []
+    answers.set()
+    room = DiskSpace.state
+
+    def hangs(self):
+        answers.wait(60)
+        return room(self)
+
+    monkeypatch.setattr(DiskSpace, "state", hangs)
+
+    async def listen(client):
+        async for message in client.messages:
+            told.append((time.monotonic(), msgspec.json.decode(message.payload, type=messages.ManagerStatus).faults))
+
+    async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot, aiomqtt.Client(HOST, broker.port) as client:
+        await client.subscribe(topics.MANAGER_STATUS)
+        listening = asyncio.create_task(listen(client))
+        await drive(visitors["ana"], robot)
+        answers.clear()
+        try:
+            await wait_for(lambda: told and told[-1][1] == ("database",), what="the fault")
+            heard = len(told)
+            await wait_for(lambda: len(told) > heard + 3, what="more beats")
+        finally:
+            answers.set()
+        await wait_for(lambda: told[-1][1] == (), what="its end")
+        await cancel(listening)
 
 
 # --- nothing is missing ------------------------------------------------------------------------------------------------
