@@ -1,6 +1,5 @@
 """ASGI entry point: HTTP to Django, WebSockets to the consumers."""
 
-import gc
 import os
 
 from channels.auth import AuthMiddlewareStack
@@ -14,6 +13,7 @@ from whitenoise.middleware import WhiteNoiseMiddleware
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "telepresence_site.settings")
 http = get_asgi_application()
 
+from robots.interpreter import make_prompt  # noqa: E402
 from sessions.backpressure import Backpressure  # noqa: E402
 from sessions.urls import websocket_urlpatterns  # noqa: E402 -- consumers import models, which need the set-up above
 from telepresence_site.asgi_limits import BodyLimit, ConnectLimit, OpenLimit, SameOrigin, address_of, user_of  # noqa: E402
@@ -37,8 +37,5 @@ application = ProtocolTypeRouter(
     }
 )
 
-# What is loaded by now stays for good. The collector would look through all of it every half minute, and every page would wait meanwhile
-# (measured: 0.1 s). The addresses, and with them forms and administration, would else come with the first page.
-get_resolver().url_patterns  # noqa: B018
-gc.collect()
-gc.freeze()
+get_resolver().url_patterns  # noqa: B018 -- the addresses, and with them forms and administration, would else come with the first page
+make_prompt()

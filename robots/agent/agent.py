@@ -33,6 +33,7 @@ from robots.agent.robot_check import check_robot, say_line
 from robots.agent.store import Store
 from robots.agent.ways_out import Media
 from robots.api.messages import Capability, Factsheet
+from robots.interpreter import make_prompt
 
 log = logging.getLogger(__name__)
 
@@ -61,6 +62,10 @@ def _media(equipment: Equipment, config: AgentConfig, control: ControlLoop) -> M
     )
 
 
+def _nothing() -> None:
+    pass
+
+
 class Agent:
     """One robot's agent. `run` blocks; `stop` may be called from any thread, and from a signal handler.
 
@@ -84,8 +89,8 @@ class Agent:
         """Brake, say goodbye and return from `run`."""
         self._stopping.set()
 
-    def run(self) -> None:
-        """Serve the robot until `stop`.
+    def run(self, built: Callable[[], None] = _nothing) -> None:
+        """Serve the robot until `stop`; `built` is called each time when all is loaded that a run needs, before the robot can be driven.
 
         Raises:
             ConfigError: it cannot start like this; one sentence.
@@ -100,7 +105,7 @@ class Agent:
         while not self._stopping.is_set():
             began = time.monotonic()
             try:
-                self._serve(self._endpoints(urls))
+                self._serve(self._endpoints(urls), built)
             except ConfigError:
                 raise
             except AdapterError as error:
@@ -113,7 +118,7 @@ class Agent:
                 log.warning("agent_restarts robot=%s after=%.1f", self._config.robot, wait)
                 self._stopping.wait(wait)
 
-    def _serve(self, endpoints: tuple[Endpoint, ...]) -> None:
+    def _serve(self, endpoints: tuple[Endpoint, ...], built: Callable[[], None]) -> None:
         """One run of the agent: one boot. Returns when it is to end, or when its control thread has died."""
         adapter = self._make_adapter(self._config)
         equipment = equipment_of(adapter, self._config)
@@ -131,6 +136,7 @@ class Agent:
         )
         media = self._make_media(equipment, self._config, control)
         media.start()
+        built()
         try:
             control.start(media)
             log.info("agent_started robot=%s adapter=%s boot=%s", self._config.robot, self._config.adapter, boot)
@@ -247,7 +253,7 @@ def run_until_signalled(agent: Agent) -> None:
             signal.signal(getattr(signal, name), end)
     threading.excepthook = _log_thread
     set_nice(SECOND)
-    agent.run()
+    agent.run(make_prompt)
 
 
 def _log_thread(arguments: threading.ExceptHookArgs) -> None:

@@ -683,7 +683,10 @@ class Candidate(Message, frozen=True, kw_only=True, tag_field="type", tag="candi
 
 
 class Bye(Message, frozen=True, kw_only=True, tag_field="type", tag="bye"):
-    """Either side ends the connection; `reason` is one word: `replaced`, `lease_changed`, `full`, `failed`, `left`, `flooded`."""
+    """Either side ends the connection; `reason` is one word: `replaced`, `lease_changed`, `full`, `failed`, `left`, `flooded`.
+
+    A page that has flooded is refused for another 5 s.
+    """
 
     reason: Reason = ""
 

@@ -22,6 +22,7 @@ from robots.api.messages import Answer, Bye, Candidate, Heartbeat, Offer, Role, 
 
 log = logging.getLogger(__name__)
 
+FLOOD_PAUSE = 5.0  # s; to connect costs the robot more than what the page may say until it is sent away
 MakeViewer = Callable[[str, Role, str, Callable[[str], None]], Viewer]
 
 
@@ -42,6 +43,7 @@ class Connections:
         self._count = itertools.count()
         self._viewers: dict[str, Viewer] = {}
         self._screens: set[str] = set()
+        self._flooded: dict[str, float] = {}  # pages that were sent away for it: until when they need not come again
         self._tasks: set[asyncio.Task[None]] = set()
         self.newest_screen = ""  # the name of the connection of the robot's own display that came last
 
@@ -95,6 +97,9 @@ class Connections:
             self._end(peer, None)
 
     def _take_offer(self, peer: str, offer: Offer) -> None:
+        if self._flooded.get(peer, 0.0) > time.monotonic():
+            self._reply(peer, Bye(reason="flooded"))
+            return
         admission = self._roster.admit(peer, offer.role, time.monotonic())
         if admission.leaves is not None:
             self._end(admission.leaves, "full")
@@ -152,8 +157,12 @@ class Connections:
 
     def _ended(self, peer: str, viewer: Viewer, reason: str = "failed") -> None:
         """End a connection that failed by itself, or floods, unless a newer one has taken its place."""
-        if self._viewers.get(peer) is viewer:
-            self._end(peer, reason)
+        if self._viewers.get(peer) is not viewer:
+            return
+        if reason == "flooded":
+            now = time.monotonic()
+            self._flooded = {other: until for other, until in self._flooded.items() if until > now} | {peer: now + FLOOD_PAUSE}
+        self._end(peer, reason)
 
     def _end(self, peer: str, reason: str | None) -> None:
         """Close a page's connection and tell it why, or nothing when it said goodbye itself."""

@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import gc
 import os
 import signal
 import ssl
@@ -18,8 +17,7 @@ from robots.broker import mosquitto
 from robots.broker.embedded import EmbeddedBroker
 from robots.broker.mosquitto import MosquittoBroker, MosquittoError, Tls
 from robots.broker.users import POLL_SECONDS, UsersUnavailableError, read_users
-
-SWITCH_SECONDS = 0.0005
+from robots.interpreter import make_prompt
 
 
 class Command(BaseCommand):
@@ -39,10 +37,7 @@ class Command(BaseCommand):
     def handle(self, *_args: Any, **options: Any) -> None:
         tls = _tls(options["certificate"], options["key"])
         broker = _broker(options["require"], options["poll"])
-        # Each system call of the loop gives the interpreter away; by default the thread that reads the users then keeps it for 5 ms.
-        sys.setswitchinterval(SWITCH_SECONDS)
-        gc.collect()
-        gc.freeze()  # what is loaded by now stays, and is not looked through while messages wait
+        make_prompt()
         try:
             asyncio.run(self._serve(broker, options["host"], options["port"], tls))
         except KeyboardInterrupt:

@@ -280,7 +280,8 @@ async def test_oversized_and_too_many_frames_are_dropped_and_counted(media, exch
     assert len(exchange.heard) < 200
 
 
-async def test_a_page_that_floods_is_sent_away_and_may_come_again(media, exchange, new_page) -> None:
+async def test_a_page_that_floods_is_sent_away_and_may_come_again_after_a_while(media, exchange, new_page, monkeypatch) -> None:
+    monkeypatch.setattr("robots.agent.media.connections.FLOOD_PAUSE", 2.0)
     for _ in range(2):
         page = new_page("p1", decode=False)
         await page.connect()
@@ -288,6 +289,9 @@ async def test_a_page_that_floods_is_sent_away_and_may_come_again(media, exchang
         for _ in range(800):
             page.channel.send(encode_frame("command/action", Stop(action_id="s1", stamp=1.0)))
         await until(lambda: exchange.byes("p1") == ["flooded"] and media.connected == 0, what="the end")
+        media.signal("p1", Offer(sdp="v=0", role="observer"))
+        await until(lambda: exchange.byes("p1") == ["flooded", "flooded"], what="the refusal")
+        await asyncio.sleep(2.0)
 
 
 async def test_telemetry_reaches_every_page(media, new_page) -> None:
