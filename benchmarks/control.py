@@ -106,7 +106,9 @@ def main() -> int:
         with sync_playwright() as playwright, chromium(playwright) as browser:
             for way, bound in WAYS.items():
                 someone = driver(browser, site, way)
-                wait_for(lambda: any(state.get("assist", "off") == level for state in site.states(site.sessions()[-1][0])[-1:]), 20, f"assistance {level}")
+                wait_for(
+                    lambda: any(state.get("assist", "off") == level for state in site.states(site.sessions()[-1][0])[-1:]), 20, f"assistance {level}"
+                )
                 samples[way] = key_latencies(site, someone, way, rng)
                 figures += quantiles(f"key press to applied velocity, {way}", samples[way], "ms", {"p50": bound, "p95": None, "max": None})
                 if way == "datachannel":

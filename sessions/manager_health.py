@@ -4,33 +4,36 @@ from typing import Literal
 
 from robots.api.disk_space import DiskState
 
-HELD_SECONDS = 1.2  # for which a look may take its time; one follows another twice a second
+HELD_SECONDS = 0.7  # for which a step may take its time
 FAILED_SECONDS = 2.0  # for which one that was refused counts: others between them may only have read
-Word = Literal["database", "disk_low", "disk_full"]
+Fault = Literal["database", "disk_low", "disk_full"]
 _SQLITE_FULL = "database or disk is full"
 _POSTGRES_FULL = "53100"  # SQLSTATE disk_full
 
 
 class ManagerHealth:
-    """How the last looks at the database went."""
+    """How the last steps in the database went: looks, which mostly read, and beats, which write."""
 
     def __init__(self) -> None:
-        self._looked_at = 0.0
-        self._refused_at: dict[Word, float] = {}
+        self._begun: dict[object, float] = {}
+        self._refused_at: dict[Fault, float] = {}
 
-    def looked(self, now: float) -> None:
-        """A step in the database came back."""
-        self._looked_at = now
+    def begun(self, step: object, now: float) -> None:
+        """A step went to the database."""
+        self._begun[step] = now
+
+    def ended(self, step: object) -> None:
+        """It came back, whatever it says."""
+        self._begun.pop(step, None)
 
     def refused(self, error: Exception, now: float) -> None:
         """The database refused a step."""
-        self._looked_at = now
         self._refused_at["disk_full" if is_disk_full(error) else "database"] = now
 
-    def faults(self, now: float, disk: DiskState) -> tuple[Word, ...]:
+    def faults(self, now: float, disk: DiskState) -> tuple[Fault, ...]:
         """Return what fails now: a database that says nothing is as good as none."""
         found = {word for word, at in self._refused_at.items() if now - at < FAILED_SECONDS}
-        if now - self._looked_at >= HELD_SECONDS:
+        if any(now - at >= HELD_SECONDS for at in self._begun.values()):
             found.add("database")
         if disk == "full":
             found.add("disk_full")

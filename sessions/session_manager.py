@@ -43,7 +43,7 @@ from sessions.intake import Intake, filters
 from sessions.life_sign import LifeSign
 from sessions.listening import PEER
 from sessions.manager_beat import BEAT_SECONDS, WAIT_SECONDS, beat, give_back
-from sessions.manager_health import ManagerHealth, is_disk_full
+from sessions.manager_health import Fault, ManagerHealth, is_disk_full
 from sessions.models import Session
 from sessions.record_items import CloseItem
 from sessions.recorder import Recorder
@@ -59,6 +59,7 @@ IDENTIFIER = "session-manager"
 LOOK_SECONDS = 0.5
 HEARTBEAT_SECONDS = 0.5
 STATUS_SECONDS = 0.5
+HEALTH_SECONDS = 0.1  # between two looks at what the status would be: a fault is told at once
 GATHER_SECONDS = 0.04
 TOGETHER = 200  # letters on their way to the broker at once, of the thousand that a client keeps
 FLUSH_SECONDS = 20.0
@@ -179,11 +180,17 @@ class SessionManager:
         try:
             return await self._in_thread(self._beating, step, *arguments)
         except (DatabaseError, InterfaceError) as error:
+            self._health.refused(error, time.monotonic())
             logger.warning("session_manager_beat_missed reason=%s", error)
             return self.recorder is not None
 
     async def _in_thread(self, pool: ThreadPoolExecutor, step: Callable[..., Any], *arguments: Any) -> Any:
-        return await asyncio.get_running_loop().run_in_executor(pool, functools.partial(_with_fresh_connection, step, *arguments))
+        asked = object()
+        self._health.begun(asked, time.monotonic())
+        try:
+            return await asyncio.get_running_loop().run_in_executor(pool, functools.partial(_with_fresh_connection, step, *arguments))
+        finally:
+            self._health.ended(asked)
 
     async def _pause(self, seconds: float) -> None:
         try:
@@ -221,7 +228,6 @@ class SessionManager:
             self._standing = StandingOrders()
             self.connected.set()
             logger.info("session_manager_connected host=%s port=%d", self._address.host, self._address.port)
-            self._health.looked(time.monotonic())
             await until_one_ends(
                 self._look_for_ever(), self._beat_for_ever(), self._signal_for_ever(), self._tell_status_for_ever(), _end_of(client)
             )  # fmt: skip
@@ -254,13 +260,11 @@ class SessionManager:
     async def _try(self, step: Callable[..., Any], *arguments: Any) -> Any:
         """Do a step of the clockwork; None when the database did not let it, which the next look does again."""
         try:
-            done = await self._in_thread(self._clockwork, step, *arguments)
+            return await self._in_thread(self._clockwork, step, *arguments)
         except (DatabaseError, InterfaceError) as error:
             self._health.refused(error, time.monotonic())
             logger.warning("session_manager_looks_again reason=%s", error)
             return None
-        self._health.looked(time.monotonic())
-        return done
 
     def _look(self) -> list[CloseItem]:
         """In the clockwork's thread: first who is there, then what time does."""
@@ -304,10 +308,16 @@ class SessionManager:
 
     async def _tell_status_for_ever(self) -> None:
         """Say that this process lives and what it lacks; from the loop, which neither database nor disk holds up."""
+        told, faults = -STATUS_SECONDS, self._faults()
         while True:
-            status = messages.ManagerStatus(stamp=self._clock(), faults=self._health.faults(time.monotonic(), self._disk_state))
-            await self._client.publish(topics.MANAGER_STATUS, codec.encode(status))
-            await asyncio.sleep(STATUS_SECONDS)
+            before, faults, now = faults, self._faults(), time.monotonic()
+            if faults != before or now - told >= STATUS_SECONDS:
+                told = now
+                await self._client.publish(topics.MANAGER_STATUS, codec.encode(messages.ManagerStatus(stamp=self._clock(), faults=faults)))
+            await asyncio.sleep(HEALTH_SECONDS)
+
+    def _faults(self) -> tuple[Fault, ...]:
+        return self._health.faults(time.monotonic(), self._disk_state)
 
     async def _signal_for_ever(self) -> None:
         while True:

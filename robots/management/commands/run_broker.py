@@ -5,7 +5,6 @@ import contextlib
 import os
 import signal
 import ssl
-import sys
 from argparse import ArgumentParser
 from pathlib import Path
 from typing import Any

@@ -1,12 +1,14 @@
 """How soon the page that somebody drives on says what fails, whichever part it is, and however it fails."""
 
+import contextlib
 import signal
+import sqlite3
 import time
 
 import psutil
 import pytest
 
-from tests.support.site import wait_for
+from tests.support.site import DATABASE, wait_for
 
 pytestmark = pytest.mark.browser
 SOON = 2.0  # s
@@ -60,3 +62,16 @@ def test_the_page_says_within_two_seconds_what_fails(site, driver, part, number)
             for process in stopped:
                 process.resume()
     wait_for(lambda: word(driver) == "" and driver.cockpit("link") == "live", 40, "the end of it")
+
+
+def test_the_page_says_within_two_seconds_that_nobody_can_write_into_the_database(site, driver):
+    with contextlib.closing(sqlite3.connect(site.var / DATABASE, timeout=20, isolation_level=None)) as other:
+        for _ in range(3):
+            other.execute("BEGIN IMMEDIATE")
+            began = time.monotonic()
+            wait_for(lambda: word(driver).startswith("fault.database."), 10, "the word that the database fails")
+            took = time.monotonic() - began
+            other.execute("ROLLBACK")
+            assert took <= SOON
+            wait_for(lambda: word(driver) == "", 40, "the end of it")
+            time.sleep(0.3)  # another moment between two beats

@@ -25,13 +25,15 @@ def test_a_full_disk_is_told_from_a_database_that_is_away(error, full):
     assert health.faults(10.1, "ok") == ("disk_full" if full else "database",)
 
 
-def test_a_database_that_says_nothing_is_missed_after_a_second():
+def test_a_database_that_says_nothing_to_one_step_is_missed_though_it_answers_others():
     health = ManagerHealth()
-    health.looked(10.0)
-    assert health.faults(11.0, "ok") == ()
-    assert health.faults(11.3, "ok") == ("database",)
-    health.looked(11.4)
-    assert health.faults(11.5, "ok") == ()
+    health.begun("beat", 10.0)
+    health.begun("look", 10.2)
+    health.ended("look")
+    assert health.faults(10.6, "ok") == ()
+    assert health.faults(10.8, "ok") == ("database",)
+    health.ended("beat")
+    assert health.faults(10.9, "ok") == ()
 
 
 def test_steps_that_only_read_do_not_hide_that_writing_is_refused():
@@ -39,16 +41,13 @@ def test_steps_that_only_read_do_not_hide_that_writing_is_refused():
     for tenth in range(40):
         now = 10.0 + tenth * 0.5
         health.refused(FULL, now)
-        health.looked(now + 0.1)
         assert health.faults(now + 0.4, "ok") == ("disk_full",)
     assert health.faults(now + 0.9, "ok") == ("disk_full",)
-    health.looked(now + 2.0)
     assert health.faults(now + 2.1, "ok") == ()
 
 
 def test_a_disk_is_said_to_be_full_or_nearly_full_and_not_both():
     health = ManagerHealth()
-    health.looked(10.0)
     assert [health.faults(10.1, state) for state in ("ok", "low", "full")] == [(), ("disk_low",), ("disk_full",)]
     health.refused(FULL, 10.0)
     assert health.faults(10.1, "low") == ("disk_full",)
