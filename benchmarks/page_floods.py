@@ -24,7 +24,7 @@ from robots.agent.media.connections import FLOOD_PAUSE
 from robots.agent.priority import SECOND, set_nice
 from robots.api import messages as m
 from robots.api.codec import encode_frame
-from robots.interpreter import make_prompt
+from robots.interpreter import set_up_for_latency
 from tests.support.browser_page import BrowserPage, chromium
 from tests.support.control_rig import ThreadedControlRig, stamped
 from tests.support.loopback_peer import Exchange, until
@@ -142,7 +142,7 @@ async def measure_beside(browser: Browser, address: str, directory: Path) -> int
     )  # fmt: skip
     rig = ThreadedControlRig(directory, media=media)
     media.start()
-    make_prompt()
+    set_up_for_latency()
     await asyncio.to_thread(rig.__enter__)
     await asyncio.to_thread(rig.lease, ttl=60.0)
     watch = Watch(rig)

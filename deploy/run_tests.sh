@@ -12,7 +12,8 @@ step() { printf '\n== %s (%s s)\n' "$1" "$(($(date +%s) - started))"; }
 
 # Tests wait for real servers half of their time: two of these run side by side on each core.
 cores=$(getconf _NPROCESSORS_ONLN)
-pytest() { "$BIN/python" -m pytest -q --durations 10 --durations-min 1 "$@" ${PYTEST_ARGS:-}; }
+# 5 says that the arguments chose no test: with -k, or where nothing is marked so.
+pytest() { "$BIN/python" -m pytest -q --durations 10 --durations-min 1 "$@" ${PYTEST_ARGS:-} || [ $? -eq 5 ]; }
 side_by_side() { pytest --dist loadfile --no-loadscope-reorder -n "$@"; }
 unit() { side_by_side logical tests/unit; }
 servers() { side_by_side "$cores" -m "$1" tests/integration --ignore tests/integration/browser; }
@@ -67,7 +68,7 @@ case "${1:-test}" in
         node --test --test-reporter=dot tests/js/
         together "style, types and the unit lane" lint "" unit ""
         together "integration" servers "not soak" browsers "not soak"
-        step "timing: nothing else is on the computer"
+        step "timing: beside no other lane"
         timing "not soak"
         ;;
     soak)

@@ -6,7 +6,7 @@ import sys
 SWITCH_SECONDS = 0.0005
 
 
-def make_prompt() -> None:
+def set_up_for_latency() -> None:
     """Let threads take turns ten times as often, and keep the garbage collector from what is loaded by now.
 
     By default a thread that computes keeps the interpreter for 5 ms from one that has just been called. And the collector stops every

@@ -4,15 +4,15 @@ from typing import Literal
 
 from robots.api.disk_space import DiskState
 
-HELD_SECONDS = 0.7  # for which a step may take its time
-FAILED_SECONDS = 2.0  # for which one that was refused counts: others between them may only have read
+HELD_SECONDS = 0.6  # for which a step may take its time
+FAILED_SECONDS = 2.0  # for which one that was refused, or took longer, counts: others between them may only have read
 Fault = Literal["database", "disk_low", "disk_full"]
 _SQLITE_FULL = "database or disk is full"
 _POSTGRES_FULL = "53100"  # SQLSTATE disk_full
 
 
 class ManagerHealth:
-    """How the last steps in the database went: looks, which mostly read, and beats, which write."""
+    """How the last steps in the database went: looks, which mostly read, and heartbeats, which write. Steps begin and end in other threads."""
 
     def __init__(self) -> None:
         self._begun: dict[object, float] = {}
@@ -22,9 +22,10 @@ class ManagerHealth:
         """A step went to the database."""
         self._begun[step] = now
 
-    def ended(self, step: object) -> None:
+    def ended(self, step: object, now: float) -> None:
         """It came back, whatever it says."""
-        self._begun.pop(step, None)
+        if now - self._begun.pop(step) >= HELD_SECONDS:
+            self._refused_at["database"] = now
 
     def refused(self, error: Exception, now: float) -> None:
         """The database refused a step."""
@@ -32,8 +33,8 @@ class ManagerHealth:
 
     def faults(self, now: float, disk: DiskState) -> tuple[Fault, ...]:
         """Return what fails now: a database that says nothing is as good as none."""
-        found = {word for word, at in self._refused_at.items() if now - at < FAILED_SECONDS}
-        if any(now - at >= HELD_SECONDS for at in self._begun.values()):
+        found = {word for word, at in list(self._refused_at.items()) if now - at < FAILED_SECONDS}
+        if any(now - at >= HELD_SECONDS for at in list(self._begun.values())):
             found.add("database")
         if disk == "full":
             found.add("disk_full")

@@ -97,6 +97,7 @@ class SessionManager:
         self._disk_state: DiskState = "ok"
         self._clockwork = ThreadPoolExecutor(1, "clockwork")
         self._beating = ThreadPoolExecutor(1, "beat")
+        self._disk_watch = ThreadPoolExecutor(1, "disk")
 
     def stop(self) -> None:
         """Have `run` write what is there and return."""
@@ -124,6 +125,7 @@ class SessionManager:
             for pool in (self._clockwork, self._beating):
                 pool.submit(connection.close)
                 pool.shutdown()
+            self._disk_watch.shutdown(wait=False)
 
     async def _be_the_one(self) -> None:
         self._timekeeper = Timekeeper()
@@ -185,12 +187,16 @@ class SessionManager:
             return self.recorder is not None
 
     async def _in_thread(self, pool: ThreadPoolExecutor, step: Callable[..., Any], *arguments: Any) -> Any:
+        return await asyncio.get_running_loop().run_in_executor(pool, functools.partial(self._watched, step, *arguments))
+
+    def _watched(self, step: Callable[..., Any], *arguments: Any) -> Any:
+        """In a thread of ours; what waits for the thread does not wait for the database."""
         asked = object()
         self._health.begun(asked, time.monotonic())
         try:
-            return await asyncio.get_running_loop().run_in_executor(pool, functools.partial(_with_fresh_connection, step, *arguments))
+            return _with_fresh_connection(step, *arguments)
         finally:
-            self._health.ended(asked)
+            self._health.ended(asked, time.monotonic())
 
     async def _pause(self, seconds: float) -> None:
         try:
@@ -229,7 +235,8 @@ class SessionManager:
             self.connected.set()
             logger.info("session_manager_connected host=%s port=%d", self._address.host, self._address.port)
             await until_one_ends(
-                self._look_for_ever(), self._beat_for_ever(), self._signal_for_ever(), self._tell_status_for_ever(), _end_of(client)
+                self._look_for_ever(), self._beat_for_ever(), self._signal_for_ever(), self._tell_status_for_ever(),
+                self._watch_disk_for_ever(), _end_of(client),
             )  # fmt: skip
 
     # --- what goes on while connected --------------------------------------------------------------------------------
@@ -269,7 +276,6 @@ class SessionManager:
     def _look(self) -> list[CloseItem]:
         """In the clockwork's thread: first who is there, then what time does."""
         now = timezone.now()
-        self._disk_state = self._disk.state()  # here, for a dying disk may not answer: then no look comes back, and that is told
         for news in self._intake.presence_news():
             change = self._presence.take(news.robot, news.message, now, retained=news.retained)
             if change is not None:
@@ -315,6 +321,12 @@ class SessionManager:
                 told = now
                 await self._client.publish(topics.MANAGER_STATUS, codec.encode(messages.ManagerStatus(stamp=self._clock(), faults=faults)))
             await asyncio.sleep(HEALTH_SECONDS)
+
+    async def _watch_disk_for_ever(self) -> None:
+        """In a thread of its own: a disk that dies may never answer."""
+        while True:
+            self._disk_state = await asyncio.get_running_loop().run_in_executor(self._disk_watch, self._disk.state)
+            await asyncio.sleep(LOOK_SECONDS)
 
     def _faults(self) -> tuple[Fault, ...]:
         return self._health.faults(time.monotonic(), self._disk_state)

@@ -63,7 +63,7 @@ class Timekeeper:
         """Forget what was published: a new broker, or an old one that has forgotten it too, is told everything again.
 
         The broker may have kept a lease of any robot from before a crash, so that the next renewal tells each who drives, or that nobody
-        does: what is read here may be old news by then.
+        does: what is read here may be out of date by then.
         """
         for letter in [letter for letter in self.outbox if letter.retain]:
             self.outbox.remove(letter)

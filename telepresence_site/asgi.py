@@ -13,7 +13,7 @@ from whitenoise.middleware import WhiteNoiseMiddleware
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "telepresence_site.settings")
 http = get_asgi_application()
 
-from robots.interpreter import make_prompt  # noqa: E402
+from robots.interpreter import set_up_for_latency  # noqa: E402
 from sessions.backpressure import Backpressure  # noqa: E402
 from sessions.urls import websocket_urlpatterns  # noqa: E402 -- consumers import models, which need the set-up above
 from telepresence_site.asgi_limits import BodyLimit, ConnectLimit, OpenLimit, SameOrigin, address_of, user_of  # noqa: E402
@@ -38,4 +38,4 @@ application = ProtocolTypeRouter(
 )
 
 get_resolver().url_patterns  # noqa: B018 -- the addresses, and with them forms and administration, would else come with the first page
-make_prompt()
+set_up_for_latency()

@@ -33,7 +33,7 @@ from robots.agent.robot_check import check_robot, say_line
 from robots.agent.store import Store
 from robots.agent.ways_out import Media
 from robots.api.messages import Capability, Factsheet
-from robots.interpreter import make_prompt
+from robots.interpreter import set_up_for_latency
 
 log = logging.getLogger(__name__)
 
@@ -253,7 +253,7 @@ def run_until_signalled(agent: Agent) -> None:
             signal.signal(getattr(signal, name), end)
     threading.excepthook = _log_thread
     set_nice(SECOND)
-    agent.run(make_prompt)
+    agent.run(set_up_for_latency)
 
 
 def _log_thread(arguments: threading.ExceptHookArgs) -> None:

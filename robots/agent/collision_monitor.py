@@ -26,6 +26,7 @@ TOUCHING = 0.005  # metres: a sensor's own error never counts as a contact, the 
 CREEP = 0.1  # m/s: how fast a robot may be where nothing looks, so that what it touches takes no harm
 TELLING = 0.5  # seconds for which what the assistance did last is told
 QUIET = ("off", "free")
+NEAR_ARC = 0.3  # metres beyond the footprint, where the arc of a cone of 30 degrees is narrower than most robots
 STEP = 0.5  # seconds: the longest time for which a velocity says where the robot went
 UNASSISTED = Assisted(ZERO, "off")
 
@@ -105,10 +106,14 @@ class CollisionMonitor:
     def points(self) -> Floats:
         """Return (n, 2) what was seen within `ABOUT` metres lately, in the robot's frame.
 
-        Navigation looks for its way between them, so the arcs of sonars are among them only where nothing knows better.
+        Navigation looks for a path between them. An arc of a sonar is as wide as it is far away, and a robot that sees places would take
+        doorways for closed: beside another sensor only near arcs count, such as that of a glass door which a laser looks through.
         """
-        knows_better = any(source.tells == "place" for source in self._sources)
-        return self._seen(ABOUT, [source for source in self._sources if not (knows_better and source.tells == "arc")])
+        if not any(source.tells == "place" for source in self._sources):
+            return self._seen(ABOUT, self._sources)
+        exact = [source for source in self._sources if source.tells != "arc"]
+        arcs = [source for source in self._sources if source.tells == "arc"]
+        return np.concatenate([self._seen(ABOUT, exact), self._seen(self._assist.hull.radius + NEAR_ARC, arcs)])
 
     def clearance(self) -> float | None:
         """Return the distance in metres from the footprint to the nearest thing that was seen lately, None when nothing is near."""
@@ -129,7 +134,7 @@ class CollisionMonitor:
     def _seen(self, radius: float, sources: Sequence[ObstacleSource]) -> Floats:
         if self._here is None:
             return NO_POINTS
-        return np.concatenate([source.seen(self._here, radius) for source in sources])
+        return np.concatenate([NO_POINTS, *(source.seen(self._here, radius) for source in sources)])
 
 
 def monitor_of(profile: Profile) -> CollisionMonitor | None:

@@ -109,7 +109,7 @@ class DepthSource(LaserSource):
     """A depth camera: its points are taken as the sweep of a laser with its field of view, the nearest in each direction."""
 
     def __init__(self, camera: DepthCamera, beams: int = 120) -> None:
-        super().__init__(Laser(x=camera.x, y=camera.y, theta=camera.theta), MemorySettings(sees=0.0))
+        super().__init__(Laser(x=camera.x, y=camera.y, theta=camera.theta), MemorySettings(sees=0.0, blind=0.0))
         self._camera, self._beams = camera, beams
         self._mount = Pose2D(camera.x, camera.y, camera.theta)
 

@@ -117,7 +117,7 @@ class Kernel:
         capabilities: what the robot can do.
         latch: an e-stop that was held when the agent ended.
         newest_lease: the newest grant known when the agent ended.
-        monitor: shapes what a driver asks for, None on a robot that sees no obstacles.
+        monitor: shapes what a driver asks for, None on a robot that sees no obstacles, or whose architecture assists by itself.
 
     Raises:
         ValueError: nobody would stop the robot soon enough: deadman or watchdog is too long.

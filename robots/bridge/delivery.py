@@ -93,6 +93,7 @@ class Delivery:
             return
         if topic == topics.MANAGER_STATUS:
             self.watch.heard(_decoded(_status, payload), now)
+            self.bring_faults(now)
             return
         parsed = topics.parse(topic)
         if parsed is None or (known := self.known.get(parsed[0])) is None:

@@ -43,7 +43,7 @@ class Connections:
         self._count = itertools.count()
         self._viewers: dict[str, Viewer] = {}
         self._screens: set[str] = set()
-        self._flooded: dict[str, float] = {}  # pages that were sent away for it: until when they need not come again
+        self._flooded: dict[str, float] = {}  # pages that were sent away for it: refused until
         self._tasks: set[asyncio.Task[None]] = set()
         self.newest_screen = ""  # the name of the connection of the robot's own display that came last
 
@@ -107,10 +107,12 @@ class Connections:
             log.info("peer_refused peer=%s role=%s reason=full", peer, offer.role)
             self._reply(peer, Bye(reason="full"))
             return
-        if (old := self._viewers.pop(peer, None)) is not None:
-            self._keep(old.close())
+        old = self._viewers.pop(peer, None)
         is_screen, source = offer.role == "screen", f"{peer} {next(self._count)}"
         viewer = self._make_viewer(peer, offer.role, source, lambda reason: self._ended(peer, viewer, reason))
+        if old is not None:
+            viewer.gate = old.gate
+            self._keep(old.close())
         self._viewers[peer] = viewer
         if is_screen:
             self.newest_screen = source

@@ -10,7 +10,7 @@ from robots.agent.cadence import Cadence
 from robots.agent.media.aiortc_hooks import Detour
 from robots.agent.media.climb import Climb
 from robots.agent.media.encoder import Picture
-from robots.agent.media.frame_gate import Heard
+from robots.agent.media.frame_gate import FrameGate, Heard
 from robots.agent.media.key_frames import Reason
 from robots.agent.media.outbox import PictureOutbox, SoundOutbox
 from robots.agent.media.relays import Relays
@@ -86,6 +86,15 @@ class Viewer:
         self._holed = self._begged = False  # pictures were left out, and a key frame was asked for that mends it
         self._watching = False
         self.takes_candidates = False
+
+    @property
+    def gate(self) -> FrameGate:
+        """How much the page may say: a newer connection of the same page goes on with it, or connecting again would be a way to say more."""
+        return self._page.gate
+
+    @gate.setter
+    def gate(self, gate: FrameGate) -> None:
+        self._page.gate = gate
 
     @property
     def is_connected(self) -> bool:

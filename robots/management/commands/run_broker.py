@@ -16,7 +16,7 @@ from robots.broker import mosquitto
 from robots.broker.embedded import EmbeddedBroker
 from robots.broker.mosquitto import MosquittoBroker, MosquittoError, Tls
 from robots.broker.users import POLL_SECONDS, UsersUnavailableError, read_users
-from robots.interpreter import make_prompt
+from robots.interpreter import set_up_for_latency
 
 
 class Command(BaseCommand):
@@ -36,7 +36,7 @@ class Command(BaseCommand):
     def handle(self, *_args: Any, **options: Any) -> None:
         tls = _tls(options["certificate"], options["key"])
         broker = _broker(options["require"], options["poll"])
-        make_prompt()
+        set_up_for_latency()
         try:
             asyncio.run(self._serve(broker, options["host"], options["port"], tls))
         except KeyboardInterrupt:

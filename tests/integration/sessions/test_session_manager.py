@@ -199,13 +199,15 @@ async def test_a_receiver_that_raises_stops_neither_the_others_nor_the_record(br
         signals.state_received.disconnect(dispatch_uid="test")
 
 
-async def test_a_disk_that_answers_nobody_is_told_and_holds_up_no_message(broker, giraff, visitors, monkeypatch):
-    answers, told = threading.Event(), {"faults": (), "count": 0}
+async def test_a_disk_that_answers_nobody_holds_up_neither_leases_nor_the_heartbeat(broker, giraff, visitors, monkeypatch):
+    answers, asked, told = threading.Event(), threading.Event(), {"faults": (), "count": 0}
     answers.set()
     room = DiskSpace.state
 
     def hangs(self):
-        answers.wait(60)
+        if not answers.is_set():
+            asked.set()
+            answers.wait(60)
         return room(self)
 
     monkeypatch.setattr(DiskSpace, "state", hangs)
@@ -221,12 +223,12 @@ async def test_a_disk_that_answers_nobody_is_told_and_holds_up_no_message(broker
         await drive(visitors["ana"], robot)
         answers.clear()
         try:
-            await wait_for(lambda: told["faults"] == ("database",), what="the fault")
-            heard = told["count"]
-            await wait_for(lambda: told["count"] > heard + 3, what="more beats")
+            await wait_for(asked.is_set, what="the question")
+            heard, leases = told["count"], len(robot.leases)
+            await wait_for(lambda: told["count"] > heard + 3 and len(robot.leases) > leases + 1, what="beats and renewals")
+            assert told["faults"] == ()
         finally:
             answers.set()
-        await wait_for(lambda: told["faults"] == (), what="its end")
         await cancel(listening)
 
 

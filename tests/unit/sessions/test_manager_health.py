@@ -29,18 +29,23 @@ def test_a_database_that_says_nothing_to_one_step_is_missed_though_it_answers_ot
     health = ManagerHealth()
     health.begun("beat", 10.0)
     health.begun("look", 10.2)
-    health.ended("look")
-    assert health.faults(10.6, "ok") == ()
-    assert health.faults(10.8, "ok") == ("database",)
-    health.ended("beat")
-    assert health.faults(10.9, "ok") == ()
+    health.ended("look", 10.3)
+    assert health.faults(10.5, "ok") == ()
+    assert health.faults(10.7, "ok") == ("database",)
+    health.ended("beat", 10.8)
+    assert health.faults(10.9, "ok") == ("database",), "it does not flicker"
+    assert health.faults(12.9, "ok") == ()
 
 
 def test_steps_that_only_read_do_not_hide_that_writing_is_refused():
     health = ManagerHealth()
     for tenth in range(40):
         now = 10.0 + tenth * 0.5
+        health.begun("beat", now - 0.1)
         health.refused(FULL, now)
+        health.ended("beat", now)
+        health.begun("look", now + 0.1)
+        health.ended("look", now + 0.2)
         assert health.faults(now + 0.4, "ok") == ("disk_full",)
     assert health.faults(now + 0.9, "ok") == ("disk_full",)
     assert health.faults(now + 2.1, "ok") == ()

@@ -54,9 +54,9 @@ class RunningAgent:
 
     def __init__(self, config, *robots):
         self.robots = list(robots) or [ScriptedRobot()]
-        self.made = []
+        self.made, self.built = [], []  # each time all was loaded: how often the robot had been connected
         self.agent = Agent(config, make_adapter=self._adapter, make_media=lambda *_: ListeningMedia(), rng=random.Random(1))
-        self._thread = threading.Thread(target=self.agent.run)
+        self._thread = threading.Thread(target=self.agent.run, args=[lambda: self.built.append(self.made[-1].connections)])
 
     def _adapter(self, _config):
         self.made.append(self.robots.pop(0) if len(self.robots) > 1 else self.robots[0])
@@ -91,6 +91,7 @@ def test_an_agent_whose_control_thread_dies_comes_back_with_a_new_boot(broker, e
             patch.setattr(Reports, "tick", lambda _: 1 / 0)
             wait_for(lambda: running.made[0].closed, 10, "the old robot to be let go of")
         second = ear.wait("state", lambda s: s.boot != first and s.pose.x == 1.0)
+        assert running.built == [0, 0], "the interpreter is set up before each run and not during it"
         assert second.boot > first
         ear.say("command/action", m.Stop(action_id="s2", stamp=0.0))
         ear.wait("state", lambda s: s.safety.stop_id == "s2")

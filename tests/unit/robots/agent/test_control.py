@@ -487,7 +487,7 @@ class NavigatedRobot(ScriptedRobot):
         async for reading in super().states():
             ranges = (1.0,) * 19
             scan = m.Scan(stamp=reading.stamp, angle_min=-0.9, angle_increment=0.1, range_max=5.0, ranges=ranges)
-            yield replace(reading, odometry=Pose2D(0.0, 0.0, 0.0), scan=scan)
+            yield replace(reading, odometry=Pose2D(0.0, 0.0, 0.0), scan=scan, assist_why="obstacle")
 
     def wanted(self):
         return None
@@ -510,7 +510,7 @@ def test_our_navigation_gets_what_is_in_the_way_where_the_architecture_assists_b
         rig.wait(lambda: robot.points and len(robot.points[-1]))
         assert np.hypot(*robot.points[-1].T).min() == pytest.approx(1.0, abs=0.05)
         assert rig.kernel.monitor is None, "it is helped once, and not twice"
-        assert rig.link.wait("state", lambda s: s.clearance).assist_why == ""
+        assert rig.link.wait("state", lambda s: s.clearance).assist_why == "obstacle", "its own word is kept"
 
 
 def test_signals_reach_the_media_side_with_their_peer(rig):

@@ -11,10 +11,10 @@ from robots.agent.collision_monitor import CREEP, CollisionMonitor
 from robots.agent.localization.odometry import Track
 from robots.agent.motion import ZERO
 from robots.agent.navigation.swept import hull, outside
-from robots.agent.obstacle_sources import BumperSource, DepthSource, SonarSource, sources_of
+from robots.agent.obstacle_sources import BumperSource, DepthSource, LaserSource, SonarSource, sources_of
 from robots.agent.reading import UnsoundReadingError, sound
 from robots.api.geometry import Pose2D
-from robots.api.messages import Laser, Velocity
+from robots.api.messages import Laser, Scan, Velocity
 from tests.support.kernel_bench import LIMITS
 from tests.support.scripted_robot import PROFILE
 
@@ -185,6 +185,16 @@ def test_depth_points_are_seen_where_they_are_and_an_empty_view_is_no_fault():
     assert not source.looks(math.pi)
 
 
+def test_what_was_close_before_a_depth_camera_and_has_gone_is_forgotten():
+    source, track = DepthSource(DepthCamera(x=0.2, width=1.2, farthest=3.0)), Track()
+    track.add(1.0, ORIGIN)
+    source.sense(reading(points=ObstaclePoints(1.0, np.array([[0.45, 0.0]]))), track, 1.0)
+    assert len(source.seen(ORIGIN, 1.0)) == 1
+    for tenth in range(11, 21):
+        source.sense(reading(tenth / 10, points=ObstaclePoints(tenth / 10, np.zeros((0, 2)))), track, tenth / 10)
+    assert len(source.seen(ORIGIN, 1.0)) == 0
+
+
 def test_navigation_goes_by_arcs_of_sonars_only_where_nothing_knows_better():
     depth = reading(points=ObstaclePoints(1.0, np.array([[1.0, 0.1]])), sonar=echoes(0.6))
     sonar, bumper = SonarSource((FRONT,)), BumperSource(hull(FOOTPRINT))
@@ -193,6 +203,13 @@ def test_navigation_goes_by_arcs_of_sonars_only_where_nothing_knows_better():
         watch.sense(depth, 1.0)
         assert watch.points()[:, 0].max() == pytest.approx(expected, abs=0.02)
         assert watch.clearance() < 0.7
+
+
+def test_beside_a_laser_that_looks_through_a_glass_door_navigation_stops_by_the_sonar():
+    free = reading(scan=Scan(stamp=1.0, angle_min=-1.5, angle_increment=0.1, range_max=5.0, ranges=(4.0,) * 31), sonar=echoes(0.15))
+    watch = monitor(LaserSource(Laser(x=0.0)), SonarSource((FRONT,)))
+    watch.sense(free, 1.0)
+    assert np.hypot(*watch.points().T).min() == pytest.approx(0.45, abs=0.03)
 
 
 def test_a_depth_camera_that_falls_silent_stops_the_driver():
