@@ -11,10 +11,17 @@ AGAIN_S = 0.5
 
 
 async def cancel(*tasks: "asyncio.Future[Any]") -> None:
-    """Cancel tasks and wait until they have ended; what they raise is dropped."""
+    """Cancel tasks and wait until they have ended; what they raise is dropped, also when this is cancelled while it waits."""
+    for task in tasks:
+        task.add_done_callback(_drop)
     pending = {task for task in tasks if not task.done()}
     while pending:
         for task in pending:
             task.cancel()
         _, pending = await asyncio.wait(pending, timeout=AGAIN_S)
-    await asyncio.gather(*tasks, return_exceptions=True)
+
+
+def _drop(task: "asyncio.Future[Any]") -> None:
+    """Look at what a task raised, for else asyncio would tell of it as of something that nobody looked at."""
+    if not task.cancelled():
+        task.exception()
