@@ -45,6 +45,7 @@ class Connections:
         self._screens: set[str] = set()
         self._flooded: dict[str, float] = {}  # pages that were sent away for it: refused until
         self._tasks: set[asyncio.Task[None]] = set()
+        self._closing = False
         self.newest_screen = ""  # the name of the connection of the robot's own display that came last
 
     # --- any thread --------------------------------------------------------------------------------------------------
@@ -97,6 +98,9 @@ class Connections:
             self._end(peer, None)
 
     def _take_offer(self, peer: str, offer: Offer) -> None:
+        if self._closing:  # a page may ask again as soon as it hears goodbye, and would be answered by a robot that is gone
+            self._reply(peer, Bye(reason="left"))
+            return
         if self._flooded.get(peer, 0.0) > time.monotonic():
             self._reply(peer, Bye(reason="flooded"))
             return
@@ -152,7 +156,8 @@ class Connections:
                 self._end(peer, reason)
 
     async def close(self) -> None:
-        """Say goodbye to every page."""
+        """Say goodbye to every page, and to every one that asks from now on."""
+        self._closing = True
         for peer in list(self._viewers):
             self._end(peer, "left")
         await asyncio.gather(*self._tasks, return_exceptions=True)

@@ -27,6 +27,7 @@ from robots.agent.media.frame_gate import FrameGate, Heard
 from robots.agent.media.outbox import PictureOutbox, SoundOutbox
 from robots.agent.media.relays import Relays
 from robots.api.messages import Candidate, Offer
+from robots.cancellation import cancel
 
 log = logging.getLogger(__name__)
 
@@ -148,8 +149,7 @@ class PageConnection:
         if self._closed:
             return
         self._closed = True
-        for task in self._tasks:
-            task.cancel()
+        await cancel(*self._tasks)
         if self._connection is not None:
             try:
                 await self._connection.close()
