@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.table import Figure, keep
-from experiments.analysis.columns import NETWORK, STATES
-from experiments.analysis.dataset import Columns, Dataset, columns_of
-from experiments.analysis.folder import read, write
+from experiments.analysis.dataset.columns import NETWORK, STATES
+from experiments.analysis.dataset.folder import read, write
+from experiments.analysis.dataset.records import Columns, Dataset, columns_of
 from experiments.analysis.report import analyse
 from tests.support.study_dataset import drive, link, made_up
 

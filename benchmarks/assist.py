@@ -22,17 +22,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from benchmarks.table import Figure, keep
-from robots.agent.adapters.contract import NOWHERE, UNKNOWN_BATTERY, RcaState, SonarEcho
-from robots.agent.adapters.simulator import fitted, profile_of
-from robots.agent.collision_monitor import CREEP, monitor_of
-from robots.agent.contact import sides_of
-from robots.agent.motion import ZERO
+from robots.agent.adapters.simulator.adapter import fitted, profile_of
+from robots.agent.robot_interface import NOWHERE, UNKNOWN_BATTERY, RcaState, SonarEcho
+from robots.agent.safety.collision_monitor import CREEP, monitor_of
+from robots.agent.safety.contacts import sides_of
+from robots.agent.safety.ramp import ZERO
+from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import MODELS, RobotModel
-from robots.agent.simulator.simulation import Simulation
-from robots.agent.world.sites import load_site, shipped_sites
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import AssistLevel, Scan, Velocity
+from robots.world.sites import load_site, shipped_sites
 from tests.support.kernel_bench import Bench
 
 TICK = 0.02

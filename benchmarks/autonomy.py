@@ -15,11 +15,11 @@ from typing import Any
 
 from benchmarks.table import Figure, keep, quantiles
 from robots.agent.adapters import registry
-from robots.agent.adapters.autonomy import AutonomyAdapter
-from robots.agent.adapters.contract import Adapter
+from robots.agent.adapters.navigation_layer.adapter import AutonomyAdapter
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.__main__ import Conversation
-from robots.agent.priority import FIRST, ORDINARY, set_nice
+from robots.agent.robot_interface import Adapter
+from robots.agent.thread_priority import FIRST, ORDINARY, set_nice
 from robots.api.messages import Goto
 
 PERIOD = 0.02

@@ -18,12 +18,12 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.table import Figure, keep, quantiles
-from robots.agent.simulator.camera import SceneCamera
-from robots.agent.simulator.people import Person
+from robots.agent.simulator.physics.people import Person
 from robots.agent.simulator.profiles import GIRAFF
-from robots.agent.world.sites import load_plan
+from robots.agent.simulator.render.camera import SceneCamera
 from robots.api.floorplan import DoorState, FloorPlan
 from robots.api.geometry import Pose2D
+from robots.world.sites import load_plan
 
 BOUND = 8.0  # ms a frame
 DRAWINGS = 3

@@ -15,12 +15,12 @@ import numpy as np
 
 from benchmarks.table import Figure, keep
 from benchmarks.true_world import TrueWorld
-from robots.agent.navigation.steps import Step
+from robots.agent.navigation.planning.steps import Step
+from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import MODELS
-from robots.agent.simulator.simulation import Simulation
-from robots.agent.world.sites import load_site, shipped_sites, with_doors
 from robots.api.floorplan import Checkpoint, Place
 from robots.api.geometry import wrap_angle
+from robots.world.sites import load_site, shipped_sites, with_doors
 from tests.support.navigation_rig import Rig
 
 JUDGING = 20_000

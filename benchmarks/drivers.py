@@ -55,7 +55,7 @@ def controllers() -> dict[str, tuple[dict[str, Any], Callable[[Any, Any], float]
 
 def tour(browser: Browser, name: str) -> list[Figure]:
     """Return the figures of one controller."""
-    from robots.agent.world.sites import load_plan
+    from robots.world.sites import load_plan
     from tests.support.fake_robot_page import FakeRobotPage
     from tests.support.patience import patient
     from tests.support.scene_source import SceneSource

@@ -168,7 +168,7 @@ def prepare() -> dict[str, tuple[str, str]]:
     from django.core.management import call_command
     from django.utils import timezone
 
-    from robots.credentials import make_credentials, server_credentials
+    from robots.enrol.credentials import make_credentials, server_credentials
     from robots.models import Robot
 
     call_command("migrate", verbosity=0)

@@ -14,11 +14,11 @@ import numpy as np
 
 from benchmarks.table import Figure, keep
 from robots.agent.localization.localizer import Localizer
+from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import MODELS
-from robots.agent.simulator.simulation import Simulation
-from robots.agent.world.sensing import Estimate
-from robots.agent.world.sites import Site, load_site, shipped_sites
 from robots.api.geometry import Pose2D, wrap_angle
+from robots.world.sensing import Estimate
+from robots.world.sites import Site, load_site, shipped_sites
 from tests.support.wanderer import TICK, Wanderer, Ways, standing_somewhere
 
 JUDGING = 20_000

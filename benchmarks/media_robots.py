@@ -19,7 +19,7 @@ from aiortc import MediaStreamTrack, RTCConfiguration, RTCPeerConnection, RTCSes
 
 from robots.agent.adapters import registry
 from robots.agent.media import MediaSide
-from robots.agent.media.sdp import parsed_candidate
+from robots.agent.media.webrtc.sdp import parsed_candidate
 from robots.api.messages import Answer, Candidate, Offer, Signal, Velocity
 from tests.support.loopback_peer import Exchange
 from tests.support.synthetic_camera import SyntheticCamera, SyntheticMicrophone

@@ -20,10 +20,10 @@ import numpy as np
 
 from benchmarks.table import Figure, keep
 from benchmarks.true_world import TrueWorld
+from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import MODELS, RobotModel
-from robots.agent.simulator.simulation import Simulation
-from robots.agent.world.sites import load_site, shipped_sites, with_doors
 from robots.api.floorplan import DoorState
+from robots.world.sites import load_site, shipped_sites, with_doors
 from tests.support.navigation_rig import Rig
 
 JUDGING = 10_000

@@ -20,8 +20,8 @@ from playwright.async_api import Browser
 
 from benchmarks.table import Figure, keep, quantiles
 from robots.agent.media import MediaSide
-from robots.agent.media.connections import FLOOD_PAUSE
-from robots.agent.priority import SECOND, set_nice
+from robots.agent.media.peers.connections import FLOOD_PAUSE
+from robots.agent.thread_priority import SECOND, set_nice
 from robots.api import messages as m
 from robots.api.codec import encode_frame
 from robots.interpreter import set_up_for_latency

@@ -18,7 +18,7 @@ import aiomqtt
 
 from robots.api import codec, topics
 from robots.api import messages as m
-from sessions import wire
+from sessions import protocol
 from tests.support.bridge_rig import Rig, RobotDouble, SocketPage, until
 
 RATE = 50.0
@@ -90,11 +90,11 @@ async def pace(watch: Stopwatch, send: Callable[[int], object]) -> None:
 async def measure(site: Rig, cookie: str) -> tuple[Stopwatch, Stopwatch, float]:
     """Return both stopwatches and the share of a core that the web process took while it relayed."""
     through_server, broker_alone, cpu, relayed_for = Stopwatch(), Stopwatch(), 0.0, 0.0
-    user, password = site.django("from robots.credentials import server_credentials as of; print(*of('web'))").split()
+    user, password = site.django("from robots.enrol.credentials import server_credentials as of; print(*of('web'))").split()
     direct = aiomqtt.Client("127.0.0.1", site.mqtt_port, username=user, password=password)
     async with Echo(site) as robot, SocketPage(site, cookie) as page, direct:
         await direct.subscribe(topics.of("giraff", "pose"))
-        await page.say("session/take", wire.Take())
+        await page.say("session/take", protocol.Take())
         await page.expect("session/granted")
         await until(lambda: robot.got)
         readers = [asyncio.create_task(read_page(page, through_server)), asyncio.create_task(read_direct(direct, broker_alone))]

@@ -12,11 +12,11 @@ import time
 import numpy as np
 
 from benchmarks.table import Figure, keep
+from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import MODELS
-from robots.agent.simulator.simulation import Simulation
-from robots.agent.world.sensing import Beams
-from robots.agent.world.sites import load_plan, shipped_sites
 from robots.api.messages import Goto
+from robots.world.sensing import Beams
+from robots.world.sites import load_plan, shipped_sites
 from tests.support.headless_robot import DT, HeadlessRobot
 
 STEP = 0.02

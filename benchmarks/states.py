@@ -85,7 +85,7 @@ def fill() -> int:
 def past_chunk(session: Any, first: int) -> Any:
     """Return a row of four states, without applied commands."""
     from sessions.models import StateChunk
-    from sessions.record_store import new_key
+    from sessions.recording.store import new_key
 
     states = [json.loads(state(seq, "past", None, 0, commands=0)) for seq in range(first, first + 4)]
     stamps = {"first_stamp": first / 4, "last_stamp": first / 4 + 0.75, "received_at": 0.0}
@@ -153,15 +153,15 @@ def make_robots(kind: str) -> list[tuple[str, str, str]]:
     from django.utils import timezone
 
     from accounts.models import User
-    from robots.credentials import make_credentials
+    from robots.enrol.credentials import make_credentials
     from robots.models import Robot
-    from sessions import turns
+    from sessions.leases import store
 
     made = []
     for number in range(ROBOTS):
         robot = Robot.objects.create(name=f"{kind}{number}", title="driven", connection="ONLINE", last_seen_at=timezone.now())
-        taken = turns.take(robot, User.objects.create(username=robot.name), "page", now=timezone.now())
-        assert isinstance(taken, turns.Granted)
+        taken = store.take(robot, User.objects.create(username=robot.name), "page", now=timezone.now())
+        assert isinstance(taken, store.Granted)
         made.append((robot.name, make_credentials(robot, timezone.now()).token, taken.session))
     return made
 

@@ -4,14 +4,14 @@ import math
 
 import numpy as np
 
-from robots.agent.navigation.costmap import CostMap, NoWayError
-from robots.agent.navigation.planner import Planner
+from robots.agent.navigation.planning.costmap import CostMap, NoWayError
+from robots.agent.navigation.planning.planner import Planner
 from robots.agent.simulator.profiles import RobotModel
-from robots.agent.world.grid import OCCUPIED, OccupancyGrid
-from robots.agent.world.sensing import Floats
-from robots.agent.world.sites import Site
-from robots.agent.world.solids import inside, leaf_solid
 from robots.api.floorplan import DoorState
+from robots.world.grid import OCCUPIED, OccupancyGrid
+from robots.world.sensing import Floats
+from robots.world.sites import Site
+from robots.world.solids import inside, leaf_solid
 
 ROOM = 0.05  # metres beyond the circumscribed radius that a start needs
 APART = 2.0  # metres between start and goal, at least

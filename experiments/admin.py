@@ -17,17 +17,18 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST, require_safe
 
 from accounts import audit
-from experiments import admin_hours, publishing
-from experiments.admin_access import OfStudies, study_for
-from experiments.admin_builder import TITLES, BuilderPages, address, told
-from experiments.admin_forms import PublishForm, StudyForm
-from experiments.admin_people import PeoplePages, made
-from experiments.admin_rows import DriveAdmin, ParticipantAdmin, RehearsalAdmin
-from experiments.builder_places import LISTS, Place
-from experiments.definition import to_json
+from experiments.builder.forms import PublishForm, StudyForm
+from experiments.builder.pages import LISTS, Place
+from experiments.builder.views import TITLES, BuilderPages, address, told
+from experiments.definition import publishing
+from experiments.definition.schema import to_json
+from experiments.definition.shipped import shipped
 from experiments.models import Kind, Participant, Study, StudyMember
-from experiments.research_access import may
-from experiments.shipped import shipped
+from experiments.research.access import may
+from experiments.research.study_access import OfStudies, study_for
+from experiments.study_admin import opening_hours
+from experiments.study_admin.participants import DriveAdmin, ParticipantAdmin, RehearsalAdmin
+from experiments.study_admin.people import PeoplePages, made
 from robots.admin import NOTHING
 
 # Pages of a study that are there when their part of the site is: the name of the address, what it is given, and what the link says.
@@ -177,7 +178,7 @@ class StudyAdmin(BuilderPages, PeoplePages, OfStudies):
             "sections": [(TITLES[name], address(row, Place(name)), len(row.definition.get(name, ())) if name in LISTS else None) for name in TITLES],
             "share": request.build_absolute_uri(reverse("study", args=[row.slug])), "elsewhere": pages_elsewhere(row), "rehearsal": rehearsal,
             "statuses": [(words, by_status.get(value, 0)) for value, words in Participant.Status.choices],
-            "hours": admin_hours.summary(row.opening_hours, row.time_zone), "title": _now("Study"),
+            "hours": opening_hours.summary(row.opening_hours, row.time_zone), "title": _now("Study"),
         }  # fmt: skip
 
     # --- what is done with it ----------------------------------------------------------------------------------------

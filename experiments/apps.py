@@ -12,6 +12,6 @@ class ExperimentsConfig(AppConfig):
 
     def ready(self) -> None:
         """Answer for the terms of participants' visits, and listen to the session manager."""
-        from experiments import listeners  # noqa: PLC0415 -- models are not there before
+        from experiments.tasks import signal_handlers  # noqa: PLC0415 -- models are not there before
 
-        listeners.connect()
+        signal_handlers.connect()

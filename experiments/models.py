@@ -13,8 +13,8 @@ from django.conf import settings
 from django.db import models
 from django.utils.translation import gettext_lazy as _
 
-from experiments.definition import Study as Definition
-from experiments.definition import digest, from_stored
+from experiments.definition.schema import Study as Definition
+from experiments.definition.schema import digest, from_stored
 from sessions.models import Session
 
 CODE_LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # nothing that is read as something else
@@ -67,7 +67,7 @@ class Study(models.Model):
     sha256 = models.CharField(max_length=64, editable=False)
     status = models.CharField(_("status"), max_length=10, choices=Status, default=Status.DRAFT, db_index=True)
     entry = models.CharField(_("entry"), max_length=10, choices=Entry, default=Entry.OPEN)
-    # experiments/opening_hours.py: [{"days": [0..6], "start": "09:00", "end": "17:00"}], empty is always; and the zone they are meant in.
+    # experiments/definition/opening_hours.py: [{"days": [0..6], "start": "09:00", "end": "17:00"}], empty is always; and the zone they are meant in.
     opening_hours = models.JSONField(_("opening hours"), default=list, blank=True)
     time_zone = models.CharField(_("time zone"), max_length=60, default="UTC")
     exclusive = models.BooleanField(
@@ -76,7 +76,7 @@ class Study(models.Model):
     created_at = models.DateTimeField(_("created"))
     published_at = models.DateTimeField(_("published"), null=True, blank=True)
     closed_at = models.DateTimeField(_("closed"), null=True, blank=True)
-    # Whose robots it may use: experiments/lending.py.
+    # Whose robots it may use: experiments/participation/robot_eligibility.py.
     published_by = models.ForeignKey(settings.AUTH_USER_MODEL, models.SET_NULL, null=True, blank=True, related_name="published_studies")
     # Why it was published without a rehearsal that passed.
     unrehearsed_reason = models.TextField(_("published without rehearsal because"), blank=True)
@@ -146,7 +146,7 @@ class Participant(models.Model):
         WITHDRAWN = "withdrawn", _("withdrawn")
 
     class Stage(models.TextChoices):
-        """What became of the place in the cell (experiments/assignment.py)."""
+        """What became of the place in the cell (experiments/participation/assignment.py)."""
 
         UNASSIGNED = "", _("unassigned")
         UNDER_WAY = "under_way", _("under way")
@@ -161,7 +161,7 @@ class Participant(models.Model):
     slot = models.CharField(max_length=80, unique=True, editable=False)
     code = models.CharField(_("code"), max_length=12, unique=True, default=new_code, editable=False)
     kind = models.CharField(_("kind"), max_length=12, choices=Kind, default=Kind.PARTICIPANT, db_index=True)
-    access = models.CharField(_("came by"), max_length=12, default="open")  # open or invitation: experiments.assignment.Access
+    access = models.CharField(_("came by"), max_length=12, default="open")  # open or invitation: experiments.participation.assignment.Access
     status = models.CharField(_("status"), max_length=12, choices=Status, default=Status.ACTIVE, db_index=True)
     language = models.CharField(_("language"), max_length=16, default="en")
     recruitment = models.JSONField(_("recruitment"), default=dict, blank=True)  # parameters of the link they came by
@@ -177,7 +177,7 @@ class Participant(models.Model):
     assigned_at = models.DateTimeField(_("assigned"), null=True, blank=True)
     stage = models.CharField(_("place"), max_length=10, choices=Stage, default=Stage.UNASSIGNED, blank=True, db_index=True)
 
-    # --- where they are: experiments/journey.py ---
+    # --- where they are: experiments/participation/journey.py ---
     visit = models.PositiveIntegerField(_("visit"), default=1)
     step = models.CharField(_("step"), max_length=40, blank=True)
     round = models.PositiveIntegerField(_("round"), default=0)
@@ -271,11 +271,11 @@ class StepVisit(models.Model):
 class Drive(models.Model):
     """A participant's session with the robot in one condition: what was assigned, what was applied, how the task went.
 
-    `assigned` is the condition and the terms of the session (sessions/terms.py) as they were granted, and the course as it was laid out
+    `assigned` is the condition and the terms of the session (sessions/leases/terms.py) as they were granted, and the course as it was laid out
     on the plan of that day; `applied` what the robot and the record said of themselves, and `mismatches` the names of what differs.
-    `shown` is what the page shows of the task now (sessions.wire.Task). `result` is experiments.engine.Result, computed from the stored
+    `shown` is what the page shows of the task now (sessions.protocol.Task). `result` is experiments.tasks.engine.Result, computed from the stored
     record once it is closed (`settled_at`), exactly as anybody can compute it again. So are `began_with` and `ended_with`: how the robot
-    stood in the first and the last state of the session (experiments.start_condition.RobotSnapshot). `clock_offset` is the robot's clock
+    stood in the first and the last state of the session (experiments.definition.start_condition.RobotSnapshot). `clock_offset` is the robot's clock
     minus ours in seconds, one for the whole drive.
     """
 

@@ -2,7 +2,7 @@
 
 from django.urls import URLPattern, URLResolver, path
 
-from experiments import step_views, views
+from experiments.participation import step_views, views
 
 urlpatterns: list[URLPattern | URLResolver] = [
     path("studies/link/<str:token>/", views.link, name="study_link"),

@@ -20,15 +20,15 @@ from django.utils.translation import ngettext
 from django.views.decorators.cache import never_cache
 
 from accounts import audit
-from robots.admin_access import OfRobots, OwnersPermits, WithDriver, theirs_to_change
-from robots.between import in_words
-from robots.credentials import make_credentials, revoke
-from robots.door_admin import DoorPage
-from robots.enrolment_admin import EnrolmentPage
+from robots.admin_pages.access import OfRobots, OwnersPermits, WithDriver, theirs_to_change
+from robots.admin_pages.doors import DoorPage
+from robots.admin_pages.enrolment import EnrolmentPage
+from robots.admin_pages.screen import ScreenPage
+from robots.enrol.credentials import make_credentials, revoke
 from robots.forms import FloorPlanForm
 from robots.models import FloorPlan, Robot, RobotPermit
 from robots.presence import trouble_of
-from robots.screen_admin import ScreenPage
+from robots.readiness_text import in_words
 
 NOTHING = "–"
 

@@ -7,11 +7,11 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from robots.agent.world.grid import MapError, OccupancyGrid, encode_png, load_grid, write_grid
-from robots.agent.world.inspection import inspect_site
 from robots.api import floorplan
 from robots.api.floorplan import FloorPlanError
 from robots.models import FloorPlan
+from robots.world.grid import MapError, OccupancyGrid, encode_png, load_grid, write_grid
+from robots.world.inspection import inspect_site
 
 # base64 of the image must fit into a FloorPlanUpdate, and both of them into its topic.
 MAX_PNG = 512 * 1024

@@ -1,7 +1,7 @@
 """What a log line is about: the ids of request, session and robot that go with every line written meanwhile.
 
 A function that returns them is kept, not the ids themselves: a page's session changes while its socket stays, and nothing is looked up
-until a line is written. `telepresence_site/log_lines.py` puts them into the lines.
+until a line is written. `telepresence_site/ops/log_lines.py` puts them into the lines.
 """
 
 from collections.abc import Callable, Iterator, Mapping

@@ -89,7 +89,7 @@ class Robot(models.Model):
         ASK = "ask", _("somebody at the screen answers first")
 
     class Turnaround(models.TextChoices):
-        """Where the robot stands between two visits (sessions/turnaround.py)."""
+        """Where the robot stands between two visits (sessions/leases/readiness.py)."""
 
         READY = "ready", _("ready")
         RETURNING = "returning", _("returning home")
@@ -140,7 +140,7 @@ class Robot(models.Model):
     turnaround = models.CharField(_("between visits"), max_length=10, choices=Turnaround, default=Turnaround.READY, editable=False)
     turnaround_reason = models.CharField(_("because"), max_length=300, blank=True, editable=False)
     turnaround_at = models.DateTimeField(_("since"), null=True, editable=False)
-    # Set by hand and only so taken back: nobody gets the robot meanwhile, and who waits goes on waiting (sessions/turns.py).
+    # Set by hand and only so taken back: nobody gets the robot meanwhile, and who waits goes on waiting (sessions/leases/store.py).
     held = models.CharField(_("queue held because"), max_length=200, blank=True, editable=False)
 
     calls = models.CharField(
@@ -152,7 +152,7 @@ class Robot(models.Model):
     credential_hash = models.CharField(max_length=200, blank=True, editable=False)
     credential_made_at = models.DateTimeField(_("credentials made"), null=True, editable=False)
 
-    # The user that the hash belongs to at the broker; empty: the robot's own name. A new one a rotation (robots/credentials.py).
+    # The user that the hash belongs to at the broker; empty: the robot's own name. A new one a rotation (robots/enrol/credentials.py).
     credential_user = models.CharField(max_length=80, blank=True, editable=False)
     # The credentials before these hold until then, so that a robot can take the new ones while it runs.
     former_user = models.CharField(max_length=80, blank=True, editable=False)
@@ -186,7 +186,7 @@ class Robot(models.Model):
 
 
 class Enrolment(models.Model):
-    """A one-time token by which a robot's computer fetches the robot's credentials (robots/enrolment.py); only its hash is kept."""
+    """A one-time token by which a robot's computer fetches the robot's credentials (robots/enrol/tokens.py); only its hash is kept."""
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     robot = models.ForeignKey(Robot, models.CASCADE, related_name="enrolments", verbose_name=_("robot"))

@@ -16,7 +16,7 @@ from robots.models import Robot
 WRITE_SECONDS = 2.0
 UNKNOWN_SECONDS = 10.0
 AT_ONCE = frozenset({"connection", "boot", "factsheet"})
-LOST = "adapter_lost: "  # robots.agent.pilot: how an agent says that it does not reach the robot that it is the agent of
+LOST = "adapter_lost: "  # robots.agent.control.dispatcher: how an agent says that it does not reach the robot that it is the agent of
 
 
 def changes(robot: Robot, message: Message, now: datetime.datetime, *, retained: bool = False) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import datetime
 
 from django.urls import reverse
 
-from robots.credentials import hash_token, matches, new_token
+from robots.enrol.credentials import hash_token, matches, new_token
 from robots.models import Robot
 
 YEAR = 365 * 24 * 3600

@@ -2,7 +2,8 @@
 
 from django.urls import URLPattern, path
 
-from robots import enrolment_views, views
+from robots import views
+from robots.enrol import views as enrolment_views
 
 urlpatterns: list[URLPattern] = [
     path("api/v1/agent/", views.agent_configuration, name="agent_configuration"),

@@ -17,8 +17,8 @@ from django.views.decorators.http import require_GET, require_safe
 
 from accounts.attempts import Attempts, address_of
 from accounts.rate_limits import too_many
-from robots import credentials
 from robots.access import may_drive, may_observe, robots_visible_to
+from robots.enrol import credentials
 from robots.ice import ice_servers
 from robots.models import FloorPlan
 

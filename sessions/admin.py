@@ -25,12 +25,14 @@ from django.utils.translation import ngettext
 from accounts import audit
 from accounts.admin_filters import ShownFilters
 from robots.admin import NOTHING, link_to
-from robots.admin_access import OfRobots, WithDriver
-from sessions import api_key_admin, system_log, turns
+from robots.admin_pages.access import OfRobots, WithDriver
+from sessions import system_log
+from sessions.api import admin as api_key_admin
 from sessions.downloads import as_csv, as_json
-from sessions.manager_beat import STALE_SECONDS
+from sessions.leases import store
+from sessions.manager.leadership import STALE_SECONDS
 from sessions.models import Lease, ManagerBeat, NetworkSample, Session, SessionEvent, Snapshot, SystemLog
-from sessions.network_summary import summarise_network
+from sessions.recording.network_summary import summarise_network
 
 EVENTS_SHOWN = 500
 SNAPSHOTS_SHOWN = 60
@@ -232,7 +234,7 @@ class SessionAdmin(OwnersRows):
         """End sessions as stopped by the operator; the session manager takes the lease from the robot within half a second."""
         now, stopped = timezone.now(), 0
         for session in queryset.exclude(state=Session.State.ENDED):
-            if turns.end(str(session.pk), Session.Outcome.STOPPED_BY_OPERATOR, "by an operator", now):
+            if store.end(str(session.pk), Session.Outcome.STOPPED_BY_OPERATOR, "by an operator", now):
                 stopped += 1
                 system_log.log("session_stopped", "warning", robot=session.robot_id, session=session, at=now, user=str(request.user.pk))
                 audit.note("session_stopped", actor=request.user, person=session.visitor_id, robot=session.robot, thing=session)

@@ -53,12 +53,12 @@ class Session(models.Model):
     ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
     # Refreshed while a page's WebSocket is open, None once it closed: tells a reload from a second tab.
     seen_at = models.DateTimeField(_("page last seen"), null=True, blank=True)
-    # When the record was found complete, or what is missing given up: `summary` is final from then on (sessions/summary.py).
+    # When the record was found complete, or what is missing given up: `summary` is final from then on (sessions/recording/summary.py).
     closed_at = models.DateTimeField(_("record closed"), null=True, blank=True, db_index=True)
     device = models.JSONField(_("device"), default=dict, blank=True)
     # What the visitor chose while driving; empty: as the robot has it. What was in force stands in every state.
     assist = models.CharField(_("assistance"), max_length=5, blank=True, choices=Robot.Assist)
-    # What an app above this one has fixed for the visit when the robot was first granted (sessions/terms.py); empty: nothing.
+    # What an app above this one has fixed for the visit when the robot was first granted (sessions/leases/terms.py); empty: nothing.
     terms = models.JSONField(_("terms"), default=dict, blank=True, editable=False)
     summary = models.JSONField(_("summary"), default=dict, blank=True, editable=False)
 
@@ -218,7 +218,7 @@ class SystemLog(models.Model):
 
 
 class ApiKey(models.Model):
-    """A key by which a program of its owner's looks after one robot (sessions/api_views.py); only its hash is kept."""
+    """A key by which a program of its owner's looks after one robot (sessions/api/views.py); only its hash is kept."""
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     robot = models.ForeignKey(Robot, models.CASCADE, related_name="api_keys", verbose_name=_("robot"))

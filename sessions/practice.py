@@ -12,7 +12,7 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
 from robots.models import Robot
-from sessions.turns import LIVE
+from sessions.leases.store import LIVE
 
 
 @dataclass(frozen=True)

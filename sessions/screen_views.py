@@ -12,7 +12,7 @@ from django.views.decorators.http import require_POST, require_safe
 from accounts.attempts import Attempts, address_of
 from accounts.rate_limits import too_many
 from robots.screens import YEAR, cookie_of, screen_of
-from sessions import wire
+from sessions import protocol
 
 REFUSED = Attempts("screen-refused", limit=20)
 
@@ -28,7 +28,7 @@ def screen(request: HttpRequest, robot: str) -> HttpResponse:
     found = screen_of(robot, request.COOKIES.get(cookie_of(robot), ""))
     config = {
         "robot": robot,
-        "socket": "/" + wire.SCREEN_PATH.replace("<slug:robot>", robot),
+        "socket": "/" + protocol.SCREEN_PATH.replace("<slug:robot>", robot),
         "key": reverse("screen_key", args=[robot]),
         "csrf": get_token(request),
     }

@@ -15,7 +15,7 @@ state_received = Signal()
 state_recovered = Signal()
 
 # robot: str (its name; empty for a page's), session: str, message: an Event or ActionStatus of robots.api.messages, or a PageEvent of
-# sessions.wire, received_at, clock_offset as above. What else is heard of a session while somebody is connected to the broker, each
+# sessions.protocol, received_at, clock_offset as above. What else is heard of a session while somebody is connected to the broker, each
 # perhaps more than once: what a page says comes from its own process, and a robot's session is what the robot says.
 message_received = Signal()
 

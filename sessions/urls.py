@@ -2,10 +2,11 @@
 
 from django.urls import URLPattern, path
 
-from sessions import api_views, practice, screen_views, views, wire
-from sessions.check_consumer import CheckConsumer
-from sessions.consumers import RobotConsumer
-from sessions.screen_consumer import ScreenConsumer
+from sessions import practice, protocol, screen_views, views
+from sessions.api import views as api_views
+from sessions.consumers.connection_check import CheckConsumer
+from sessions.consumers.drive import RobotConsumer
+from sessions.consumers.robot_screen import ScreenConsumer
 
 urlpatterns: list[URLPattern] = [
     path("check/", views.check, name="check"),
@@ -22,7 +23,7 @@ urlpatterns: list[URLPattern] = [
     path("healthz", views.healthz, name="healthz"),
 ]
 websocket_urlpatterns: list[URLPattern] = [
-    path(wire.PATH, RobotConsumer.as_asgi()),
-    path(wire.SCREEN_PATH, ScreenConsumer.as_asgi()),
-    path(wire.CHECK_PATH, CheckConsumer.as_asgi()),
+    path(protocol.PATH, RobotConsumer.as_asgi()),
+    path(protocol.SCREEN_PATH, ScreenConsumer.as_asgi()),
+    path(protocol.CHECK_PATH, CheckConsumer.as_asgi()),
 ]

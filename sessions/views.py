@@ -23,14 +23,14 @@ from django.views.decorators.http import require_safe
 from accounts.attempts import Attempts
 from accounts.models import User
 from accounts.rate_limits import limited
-from robots import mqtt_bridge
 from robots.access import has_a_robot, may_drive, may_observe, robots_visible_to
 from robots.api.disk_space import DiskSpace
 from robots.api.messages import IceServer
+from robots.bridge import bridge
 from robots.cards import picture_of
 from robots.ice import ice_servers
 from robots.models import Robot
-from sessions import interfaces, wire
+from sessions import interfaces, protocol
 from sessions.models import Snapshot
 
 log = logging.getLogger(__name__)
@@ -72,9 +72,9 @@ def page_config(robot: Robot, user: Any) -> dict[str, Any]:
         "robot": robot.name,
         "title": robot.title,
         "who": user.shown_name,
-        "check": "/" + wire.CHECK_PATH,
+        "check": "/" + protocol.CHECK_PATH,
         "practice": reverse("practice") if settings.PRACTICE_ROBOTS and not robot.practice else None,
-        "socket": "/" + wire.PATH.replace("<slug:robot>", robot.name),
+        "socket": "/" + protocol.PATH.replace("<slug:robot>", robot.name),
         "floorplan": reverse("floor_plan", args=[plan.name]) if plan is not None else None,
         "snapshots": reverse("snapshots", args=[robot.name]),
         "factsheet": robot.factsheet,
@@ -92,7 +92,7 @@ def check(request: HttpRequest) -> HttpResponse:
     """Show what browser and network can do. A detour's servers are for those for whom there is a robot, who alone may use them."""
     servers = ice_servers(str(request.user.pk), time.time()) if has_a_robot(request.user) else ()
     asked = servers or tuple(IceServer(urls=tuple(settings.STUN_URLS)) for _ in settings.STUN_URLS[:1])
-    config = {"socket": "/" + wire.CHECK_PATH, "iceServers": [msgspec.to_builtins(server) for server in asked]}
+    config = {"socket": "/" + protocol.CHECK_PATH, "iceServers": [msgspec.to_builtins(server) for server in asked]}
     return render(request, "sessions/check.html", {"config": config})
 
 
@@ -143,7 +143,7 @@ async def healthz(_request: HttpRequest) -> JsonResponse:
     How the disk is stands there as well; no restart makes room.
     """
     database = await database_sync_to_async(_database_answers)()
-    broker = await mqtt_bridge.current().wait_connected(BROKER_PATIENCE_SECONDS)
+    broker = await bridge.current().wait_connected(BROKER_PATIENCE_SECONDS)
     disk = DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB).state()
     return JsonResponse({"database": database, "broker": broker, "disk": disk}, status=200 if database and broker else 503)
 

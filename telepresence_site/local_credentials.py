@@ -6,7 +6,7 @@ from pathlib import Path
 from django.conf import settings
 from django.utils import timezone
 
-from robots import credentials
+from robots.enrol import credentials
 from robots.models import Robot
 
 

@@ -28,7 +28,7 @@ INSTALLED_APPS = [
     "surveys",
     "experiments",
     "telepresence_site",
-    "telepresence_site.administration.AdminConfig",
+    "telepresence_site.web.administration.AdminConfig",
     "django.contrib.auth",
     "django.contrib.contenttypes",
     "django.contrib.sessions",
@@ -41,7 +41,7 @@ INSTALLED_APPS = [
 ]
 
 MIDDLEWARE = [
-    "telepresence_site.headers.PrivateAnswers",
+    "telepresence_site.web.headers.PrivateAnswers",
     "django.middleware.security.SecurityMiddleware",
     "whitenoise.middleware.WhiteNoiseMiddleware",
     "csp.middleware.CSPMiddleware",
@@ -170,7 +170,7 @@ SOCKETS_PER_USER = int(env.text("SOCKETS_PER_USER", "20"))
 # Set by `manage.py demo` alone, anew at each start: the secret part of its one-click link.
 DEMO_TOKEN = env.text("DEMO_TOKEN")
 
-# --- how long things are kept, in days; 0 is for ever. `manage.py forget` keeps to it (telepresence_site/retention.py) ---------
+# --- how long things are kept, in days; 0 is for ever. `manage.py forget` keeps to it (telepresence_site/ops/retention.py) ---------
 
 RETENTION_DAYS = {
     "sessions": float(env.text("RETENTION_SESSIONS_DAYS", "365")),
@@ -197,7 +197,7 @@ MEDIA_ROOT = VAR_DIR / "media"
 STORAGES = {
     "default": {"BACKEND": "django.core.files.storage.FileSystemStorage"},
     # The proxy reads them as another user, whatever the umask of whoever collects them.
-    "staticfiles": {"BACKEND": "telepresence_site.static_files.HashedModules", "OPTIONS": {"directory_permissions_mode": 0o755}},
+    "staticfiles": {"BACKEND": "telepresence_site.web.static_files.HashedModules", "OPTIONS": {"directory_permissions_mode": 0o755}},
 }
 if DEBUG or env.flag("PLAIN_STATIC"):
     STORAGES["staticfiles"] = {"BACKEND": "django.contrib.staticfiles.storage.StaticFilesStorage"}
@@ -246,7 +246,7 @@ LOG_FORMAT = env.text("LOG_FORMAT", "text")
 LOGGING = {
     "version": 1,
     "disable_existing_loggers": False,
-    "formatters": {"json": {"()": "telepresence_site.log_lines.JsonLine"}, "text": {"()": "telepresence_site.log_lines.KeyValueLine"}},
+    "formatters": {"json": {"()": "telepresence_site.ops.log_lines.JsonLine"}, "text": {"()": "telepresence_site.ops.log_lines.KeyValueLine"}},
     "handlers": {"console": {"class": "logging.StreamHandler", "formatter": "json" if LOG_FORMAT == "json" else "text"}},
     "root": {"handlers": ["console"], "level": env.text("LOG_LEVEL", "INFO")},
 }

@@ -5,7 +5,8 @@ from django.conf import settings
 from django.contrib import admin
 from django.urls import include, path
 
-from telepresence_site import health, metrics, pages
+from telepresence_site.ops import health, metrics
+from telepresence_site.web import pages
 
 admin.autodiscover()
 # One way in, whose attempts are counted: the administration's own form would let anybody guess for ever.
@@ -24,9 +25,9 @@ urlpatterns = [
     path("", include("robots.urls")),
     path("", include("sessions.urls")),
     path("", include("surveys.urls")),
-    path("", include("experiments.analysis_urls")),
+    path("", include("experiments.research.analysis_urls")),
     path("", include("experiments.urls")),
-    path("", include("experiments.research_urls")),
+    path("", include("experiments.research.urls")),
 ]
 
 if settings.DEMO_TOKEN:

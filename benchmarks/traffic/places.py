@@ -23,7 +23,7 @@ from tests.support.site import LOOPBACK, Site, free_port, wait_for
 ROBOTS = """
 import json
 from django.utils import timezone
-from robots.credentials import make_credentials
+from robots.enrol.credentials import make_credentials
 from robots.models import Robot
 made = [Robot.objects.create(name=name, title=name, returns_home=False) for name in {names!r}]
 print(json.dumps([[robot.name, make_credentials(robot, timezone.now()).token] for robot in made]))

@@ -2,7 +2,7 @@
 
 Each has an MQTT connection of its own and speaks Robot API v1: presence with a will, factsheet, poses 15 times, heartbeats 5 times and
 states 4 times a second, with the commands that it took. Leases and what waits for the broker are decided by the agent's own code
-(robots/agent/lease.py, outbox.py); there is no safety kernel and no base, so that nothing of what moves can be concluded from them.
+(robots/agent/safety/lease.py, outbox.py); there is no safety kernel and no base, so that nothing of what moves can be concluded from them.
 
 What they measure is how long commands were on their way: the page's stamp is in the command, and all processes share one clock.
 """
@@ -19,8 +19,8 @@ from typing import Any
 from benchmarks.traffic import worker
 from benchmarks.traffic.every import Timers
 from benchmarks.traffic.mqtt_line import MqttLine, hello
-from robots.agent.lease import LeaseKeeper
-from robots.agent.outbox import Letter, Outbox, letter
+from robots.agent.broker_link.outbox import Letter, Outbox, letter
+from robots.agent.safety.lease import LeaseKeeper
 from robots.api import codec, topics
 from robots.api import messages as m
 from robots.broker.packets import Publish

@@ -24,7 +24,7 @@ from benchmarks.traffic.every import Timers
 from experiments.bots.socket import Socket, SocketClosed
 from robots.api import messages as m
 from robots.api.codec import encode_frame
-from sessions import wire
+from sessions import protocol
 
 VELOCITY, BEAT, NETWORK = 1 / 20, 1 / 5, 1.0
 AGAIN = (0.2, 1.0)  # s until the next attempt, drawn between
@@ -77,7 +77,7 @@ class LightVisitor:
         while True:
             try:
                 self._socket = await Socket.connect(self._url, self._headers)
-                self._say("session/take", wire.Take(session=self._session, peer=self._peer))
+                self._say("session/take", protocol.Take(session=self._session, peer=self._peer))
                 while True:
                     self._hear(await self._socket.receive())
             except (SocketClosed, OSError, TimeoutError) as error:
@@ -100,14 +100,14 @@ class LightVisitor:
             case "pose" | "state" | "heartbeat":
                 self._robot_said(self._said.decode(payload), now)
             case "session/granted":
-                self._granted(msgspec.json.decode(payload, type=wire.Granted))
+                self._granted(msgspec.json.decode(payload, type=protocol.Granted))
             case "session/turn":
                 self._ask()
             case "session/ended" | "session/refused":
                 self._told.counts[suffix] += 1
                 self._over()
             case "denied":
-                self._denied(msgspec.json.decode(payload, type=wire.Denied))
+                self._denied(msgspec.json.decode(payload, type=protocol.Denied))
 
     def _robot_said(self, said: Said, now: float) -> None:
         self._told.delays.append(now - said.stamp)
@@ -118,7 +118,7 @@ class LightVisitor:
             self._told.counts["states_missing"] += max(0, said.seq - self._state - 1) if self._state else 0
             self._state = said.seq
 
-    def _granted(self, granted: wire.Granted) -> None:
+    def _granted(self, granted: protocol.Granted) -> None:
         self._told.counts["resumed" if granted.resumed else "granted"] += 1
         if granted.session != self._session:
             self._leaves_at = time.monotonic() + self._stays
@@ -135,9 +135,9 @@ class LightVisitor:
 
     def _ask(self) -> None:
         if not self._departed:
-            self._say("session/take", wire.Take())
+            self._say("session/take", protocol.Take())
 
-    def _denied(self, denied: wire.Denied) -> None:
+    def _denied(self, denied: protocol.Denied) -> None:
         """Ask again, as a page does that gets no answer, for what the server could not do just then."""
         self._told.counts[f"denied_{denied.reason}"] += 1
         again = {"session/take": self._ask, "session/leave": self.leave}.get(denied.suffix)
@@ -168,7 +168,7 @@ class LightVisitor:
     def leave(self) -> None:
         """Make room for others."""
         self.drives = False
-        self._say("session/leave", wire.Leave())
+        self._say("session/leave", protocol.Leave())
 
     def _beat(self) -> None:
         if self.drives:
@@ -177,7 +177,7 @@ class LightVisitor:
 
     def _tell_network(self) -> None:
         if self.drives:
-            self._say("page/network", wire.PageNetwork(stamp=time.time(), way="mqtt", round_trip=0.01, path="server/jpeg"))
+            self._say("page/network", protocol.PageNetwork(stamp=time.time(), way="mqtt", round_trip=0.01, path="server/jpeg"))
 
     def _say(self, suffix: str, message: m.Message) -> None:
         if self._socket is not None:

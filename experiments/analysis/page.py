@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.analysis.table import Table
+from experiments.analysis.tables.table import Table
 
 if TYPE_CHECKING:  # it draws with matplotlib, which whoever only reads a page does not need
     from experiments.analysis.report import Report

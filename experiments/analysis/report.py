@@ -15,20 +15,20 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from experiments.analysis.ages import ages
-from experiments.analysis.answers import compare_answers
-from experiments.analysis.dataset import EVERY, WITHOUT, Dataset, Kind
-from experiments.analysis.drawing import Drawing, as_pdf, as_svg
-from experiments.analysis.effects import against_network, by_network, compare_conditions, learning, outcomes_by_condition
-from experiments.analysis.flow import flow, funnel
-from experiments.analysis.metrics import VERSION, Measured, measure_all
-from experiments.analysis.opinions import figure_8a, figure_8b
-from experiments.analysis.people import participants_table, table_2
-from experiments.analysis.places import figure_6, figure_7
-from experiments.analysis.quality import Verdict, judge
-from experiments.analysis.summaries import metrics_table, segment_spreads, segments_table, sessions_table, verdicts_table
-from experiments.analysis.table import Table, as_csv, as_latex
-from experiments.analysis.tables import table_1, table_3, table_4, table_5
+from experiments.analysis.dataset.records import EVERY, WITHOUT, Dataset, Kind
+from experiments.analysis.figures.drawing import Drawing, as_pdf, as_svg
+from experiments.analysis.figures.opinions import figure_8a, figure_8b
+from experiments.analysis.figures.trajectories import figure_6, figure_7
+from experiments.analysis.metrics.sessions import VERSION, Measured, measure_all
+from experiments.analysis.tables.ages import ages
+from experiments.analysis.tables.answers import compare_answers
+from experiments.analysis.tables.effects import against_network, by_network, compare_conditions, learning, outcomes_by_condition
+from experiments.analysis.tables.flow import flow, funnel
+from experiments.analysis.tables.paper_tables import table_1, table_3, table_4, table_5
+from experiments.analysis.tables.people import participants_table, table_2
+from experiments.analysis.tables.reliability import Verdict, judge
+from experiments.analysis.tables.summaries import metrics_table, segment_spreads, segments_table, sessions_table, verdicts_table
+from experiments.analysis.tables.table import Table, as_csv, as_latex
 
 
 @dataclass(frozen=True)

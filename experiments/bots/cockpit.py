@@ -17,7 +17,7 @@ from experiments.bots.steering import STAND, Speed
 from experiments.bots.view import View
 from robots.api.codec import encode_frame
 from robots.api.messages import CommandHeartbeat, Echo, InputMethod, Message, Photo, PictureRequest, Stop, VelocityCommand
-from sessions import wire
+from sessions import protocol
 
 BEAT = 0.2
 TICK = 0.1
@@ -97,7 +97,7 @@ class Cockpit:
         session, peer = self.view.session, self.view.peer
         self.view.granted, self.view.awaiting_picture = False, False
         await self.connect()
-        self._say("session/take", wire.Take(session=session, peer=peer))
+        self._say("session/take", protocol.Take(session=session, peer=peer))
 
     async def _end_tasks(self) -> None:
         for task in self._tasks:
@@ -110,12 +110,12 @@ class Cockpit:
     def take(self, *, takeover: bool = False) -> None:
         """Ask for the robot; `takeover` brings a visit here that another page of the visitor has."""
         self.view.turn = False
-        self._say("session/take", wire.Take(session=self.view.session if takeover else None, takeover=takeover))
+        self._say("session/take", protocol.Take(session=self.view.session if takeover else None, takeover=takeover))
 
     def leave(self) -> None:
         """Say that one is done."""
         self.steer(STAND)
-        self._say("session/leave", wire.Leave())
+        self._say("session/leave", protocol.Leave())
 
     def steer(self, speed: Speed) -> None:
         """Hold the controller like this from now on."""
@@ -137,7 +137,7 @@ class Cockpit:
 
     def note(self, kind: str, **data: str | float | bool | None) -> None:
         """Tell the record what happened on the page."""
-        self._say("page/event", wire.PageEvent(stamp=self._clock(), type=kind, data=data))
+        self._say("page/event", protocol.PageEvent(stamp=self._clock(), type=kind, data=data))
 
     async def until(self, condition: Callable[[], Any], seconds: float) -> bool:
         """Wait until a condition holds or the time is over, whichever comes first; the end of the connection ends it too."""
@@ -192,9 +192,9 @@ class Cockpit:
         self._beats += 1
         return CommandHeartbeat(n=2 * self._beats + 1, stamp=now, echo=echo, frame_age=age)  # odd: it went by the WebSocket
 
-    def _network(self, now: float) -> wire.PageNetwork:
+    def _network(self, now: float) -> protocol.PageNetwork:
         age = max(0.0, now - self.view.frame) if self.view.frame is not None else None
-        return wire.PageNetwork(stamp=now, way="mqtt", round_trip=self.view.round_trip, frame_age=age, path="server/jpeg")
+        return protocol.PageNetwork(stamp=now, way="mqtt", round_trip=self.view.round_trip, frame_age=age, path="server/jpeg")
 
     async def _keep_moving(self) -> None:
         while True:

@@ -39,7 +39,7 @@ class Drive:
 
     Args:
         browser: whose.
-        config: what the page is told (sessions.views.page_config, and experiments.task_page under `study`).
+        config: what the page is told (sessions.views.page_config, and experiments.tasks.page under `study`).
         persona: who drives.
         ending: how it ends.
         clock: Unix seconds.

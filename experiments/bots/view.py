@@ -14,14 +14,14 @@ from robots.api.errors import Rejection
 from robots.api.geometry import Pose2D
 from robots.api.messages import ActionStatus, Heartbeat, PoseUpdate, Scan, State
 from robots.api.messages import Pose as RobotPose
-from sessions import wire
+from sessions import protocol
 
 ENDED = frozenset({"FINISHED", "FAILED", "CANCELLED"})
 TRIPS = 7
 AT_CENTRE = Pose2D(0.0, 0.0, 0.0)
 
 
-NO_TASK = wire.Task(session="none", stamp=0.0)
+NO_TASK = protocol.Task(session="none", stamp=0.0)
 
 
 @dataclass
@@ -36,7 +36,7 @@ class View:
     queued: bool = False
     turn: bool = False
     refused: str = ""
-    ended: wire.Ended | None = None
+    ended: protocol.Ended | None = None
     online: bool = True
     pose: Pose2D | None = None
     localized: bool = False
@@ -51,7 +51,7 @@ class View:
     frame: float | None = None
     frames: int = 0
     awaiting_picture: bool = False
-    task: wire.Task = NO_TASK
+    task: protocol.Task = NO_TASK
     task_frames: int = 0
     actions: dict[str, ActionStatus] = field(default_factory=dict)
     denied: dict[str, int] = field(default_factory=dict)
@@ -79,22 +79,22 @@ class View:
                 self._beat(message, now)
             case ActionStatus():
                 self.actions[message.action_id] = message
-            case wire.Task():
+            case protocol.Task():
                 self.task, self.task_frames = message, self.task_frames + 1
-            case wire.Granted():
+            case protocol.Granted():
                 self.session, self.epoch, self.peer, self.granted, self.queued = message.session, message.epoch, message.peer, True, False
                 self.interface = message.terms.interface if message.terms is not None else ""
-            case wire.Queued():
+            case protocol.Queued():
                 self.session, self.queued, self.turn = message.session, True, False
-            case wire.YourTurn():
+            case protocol.YourTurn():
                 self.turn = True
-            case wire.Refused():
+            case protocol.Refused():
                 self.refused = message.reason
-            case wire.Ended():
+            case protocol.Ended():
                 self.ended = message
-            case wire.RobotPresence():
+            case protocol.RobotPresence():
                 self.online = message.online
-            case wire.Denied():
+            case protocol.Denied():
                 self.denied[message.reason] = self.denied.get(message.reason, 0) + 1
             case (stamp, _jpeg) if suffix == pictures.SUFFIX:
                 self.frame, self.frames, self.awaiting_picture = stamp, self.frames + 1, False
@@ -138,7 +138,7 @@ def _read(frame: str | bytes) -> tuple[str, Any]:
         name, _, payload = frame.partition(b"\n")
         return name.decode("ascii", "replace"), pictures.unpack(payload)
     suffix, _, text = frame.partition("\n")
-    kind = wire.TO_PAGE.get(suffix)
+    kind = protocol.TO_PAGE.get(suffix)
     if kind is not None:
         return suffix, msgspec.json.decode(text, type=kind)
     if suffix in topics.TO_PAGE:

@@ -18,20 +18,20 @@ from types import FrameType
 from typing import Any
 
 from robots.agent.adapters import registry
-from robots.agent.adapters.contract import Adapter, AdapterError
 from robots.agent.backoff import Backoff
+from robots.agent.broker_link.broker_discovery import believed, broker_urls
+from robots.agent.broker_link.enrolment import enrol_if_asked, keep_renewing
+from robots.agent.broker_link.mqtt import Endpoint, MqttLink
 from robots.agent.config import AgentConfig, ConfigError, add_arguments, load
-from robots.agent.control import ControlLoop
-from robots.agent.enrolment import enrol_if_asked, keep_renewing
-from robots.agent.equipment import Equipment, equipment_of
+from robots.agent.control.loop import ControlLoop
+from robots.agent.control.publisher import Media
+from robots.agent.control.robot_check import check_robot, say_line
+from robots.agent.devices.equipment import Equipment, equipment_of
 from robots.agent.media import MediaSide
-from robots.agent.mqtt import Endpoint, MqttLink
-from robots.agent.obstacle_sources import sources_of
-from robots.agent.priority import SECOND, set_nice
-from robots.agent.rendezvous import believed, broker_urls
-from robots.agent.robot_check import check_robot, say_line
+from robots.agent.robot_interface import Adapter, AdapterError
+from robots.agent.safety.obstacle_sources import sources_of
 from robots.agent.store import Store
-from robots.agent.ways_out import Media
+from robots.agent.thread_priority import SECOND, set_nice
 from robots.api.messages import Capability, Factsheet
 from robots.interpreter import set_up_for_latency
 

@@ -10,8 +10,8 @@ import os
 from dataclasses import asdict
 from pathlib import Path
 
-from robots.agent.latch import UNREADABLE, Latch
-from robots.agent.lease import Remembered
+from robots.agent.safety.estop_latch import UNREADABLE, Latch
+from robots.agent.safety.lease import Remembered
 from robots.api.disk_space import MIB, DiskSpace
 
 log = logging.getLogger(__name__)

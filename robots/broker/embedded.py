@@ -18,7 +18,7 @@ from robots.broker.hub import Hub
 from robots.broker.packets import Connect, ProtocolError
 from robots.broker.permissions import BrokerUser
 from robots.broker.users import POLL_SECONDS, SESSION_SECONDS, ReadUsers, UsersUnavailableError
-from robots.credentials import Verifier, matches
+from robots.enrol.credentials import Verifier, matches
 
 logger = logging.getLogger(__name__)
 

@@ -10,7 +10,7 @@ from django.utils.crypto import salted_hmac
 
 from robots.api import topics
 from robots.broker.permissions import BrokerUser, of_robot, of_server
-from robots.credentials import SALT_BYTES, SERVER_USERS, STORED, ServerPart, hash_token, server_credentials, users_of
+from robots.enrol.credentials import SALT_BYTES, SERVER_USERS, STORED, ServerPart, hash_token, server_credentials, users_of
 from robots.models import Robot
 
 # The largest payload of the Robot API, and room for its topic and header.

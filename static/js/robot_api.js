@@ -3,7 +3,7 @@
  *
  * A frame is a suffix, a newline, and JSON. `decodeFrame` is the only door: what passes it has the right types and ranges, with
  * defaults filled in; what does not throws a Rejection, which the caller counts and drops. tests/golden/ binds this file to
- * robots/api and sessions/wire.py.
+ * robots/api and sessions/protocol.py.
  */
 
 import { Misfit, dictionary, flag, integer, list, matching, nullable, number, object, oneOf, optional, tagged, text, tuple } from "./lib/shapes.js";

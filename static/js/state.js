@@ -10,7 +10,7 @@ export const newState = () => ({
   visit: newVisit(),
   /** who else is here; `driver` is null when nobody drives */
   room: { driver: /** @type {string | null} */ (null), driving: false, observers: 0, waiting: 0 },
-  /** what fails, as the server says: sessions/wire.py Fault; `at` is the Unix time until which the robot still drives */
+  /** what fails, as the server says: sessions/protocol.py Fault; `at` is the Unix time until which the robot still drives */
   faults: /** @type {{part: string, then: "waits" | "stops" | "stopped" | "goes_on", at: number | null}[]} */ ([]),
   /** whether a WebSocket that is open brings nothing any more */
   serverSilent: false,
@@ -58,7 +58,7 @@ export const newState = () => ({
   help: NO_HELP,
   /** the level of assistance that was asked for and is not yet in force, and when; null when there is none */
   assistAsked: /** @type {{level: string, at: number} | null} */ (null),
-  /** what the page was told about the study that the drive belongs to: experiments/task_page.py; null without one */
+  /** what the page was told about the study that the drive belongs to: experiments/tasks/page.py; null without one */
   study: /** @type {any} */ (null),
   /** how far the task of the study is, as the session manager last said: task/guide.js */
   told: /** @type {import("./task/guide.js").Told | null} */ (null),

@@ -17,7 +17,7 @@ from django.core.management import call_command
 from django.db import DatabaseError, InterfaceError, connection
 from django.utils import timezone
 
-from experiments.publishing import NotPublishableError
+from experiments.definition.publishing import NotPublishableError
 from robots.models import Robot
 from robots.processes import ignore_end_signals, interrupted_by_signals
 from sessions.models import ManagerBeat

@@ -5,9 +5,9 @@ import datetime
 from django.db import transaction
 
 from accounts.models import User
-from experiments import publishing
+from experiments.definition import publishing
+from experiments.definition.shipped import shipped
 from experiments.models import Study, StudyMember
-from experiments.shipped import shipped
 from telepresence_site.demo.seed import RESEARCHER
 
 SLUG = "exploration"

@@ -11,7 +11,7 @@ SCHEMES = ("mongodb://", "mongodb+srv://")
 KEY = "django_mongodb_backend.fields.ObjectIdAutoField"
 NAME = "telepresence"  # of the database, when the address does not say
 _APPS = {
-    "telepresence_site.administration.AdminConfig": "telepresence_site.mongodb.apps.AdminConfig",
+    "telepresence_site.web.administration.AdminConfig": "telepresence_site.mongodb.apps.AdminConfig",
     "django.contrib.auth": "telepresence_site.mongodb.apps.AuthConfig",
     "django.contrib.contenttypes": "telepresence_site.mongodb.apps.ContentTypesConfig",
     "allauth.account": "telepresence_site.mongodb.apps.AccountConfig",

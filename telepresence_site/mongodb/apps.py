@@ -4,8 +4,8 @@ from allauth.account.apps import AccountConfig as Account
 from django.contrib.auth.apps import AuthConfig as Auth
 from django.contrib.contenttypes.apps import ContentTypesConfig as ContentTypes
 
-from telepresence_site.administration import AdminConfig as Admin
 from telepresence_site.mongodb import KEY
+from telepresence_site.web.administration import AdminConfig as Admin
 
 
 class AdminConfig(Admin):

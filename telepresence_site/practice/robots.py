@@ -7,9 +7,9 @@ from django.db.models import Max
 
 from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan, Robot
-from sessions.leases import PAGE_GONE_SECONDS
+from sessions.leases.policy import PAGE_GONE_SECONDS
+from sessions.leases.store import LIVE
 from sessions.models import Session
-from sessions.turns import LIVE
 from telepresence_site.local_credentials import keep_credentials_here
 from telepresence_site.practice.pool import Demand
 

@@ -26,8 +26,8 @@ import { Snapshots } from "../../static/js/task/snapshot.js";
 
 const read = (name) => readFileSync(new URL(`../../${name}`, import.meta.url), "utf8");
 const SENTENCES = new Map(Array.from((read("templates/sessions/_words.html") + read("templates/sessions/_study_words.html")).matchAll(/data-word="([^"]+)">\{% translate "(.*?)"/g), ([, key, text]) => [key, text]));
-const CUES = Array.from(/CueKey = Literal\[([^\]]*)\]/.exec(read("experiments/cues.py"))[1].matchAll(/"(\w+)"/g), ([, key]) => key);
-const OUTCOMES = Array.from(/Outcome = Literal\[([^\]]*)\]/.exec(read("experiments/definition.py"))[1].matchAll(/"(\w+)"/g), ([, key]) => key);
+const CUES = Array.from(/CueKey = Literal\[([^\]]*)\]/.exec(read("experiments/definition/cues.py"))[1].matchAll(/"(\w+)"/g), ([, key]) => key);
+const OUTCOMES = Array.from(/Outcome = Literal\[([^\]]*)\]/.exec(read("experiments/definition/schema.py"))[1].matchAll(/"(\w+)"/g), ([, key]) => key);
 const words = createWords(SENTENCES, "en");
 
 const STUDY = {

@@ -12,8 +12,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from robots.agent.adapters.contract import Adapter, AdapterError, RcaState
-from robots.agent.pixels import video_frame
+from robots.agent.media.pixels import video_frame
+from robots.agent.robot_interface import Adapter, AdapterError, RcaState
 from robots.api.messages import Config, Goto, Tilt, Velocity
 from tests.support.lateness import Lateness, pauses, watched
 from tests.support.patience import patient

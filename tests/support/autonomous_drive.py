@@ -5,9 +5,9 @@ import time
 from contextlib import asynccontextmanager
 
 from robots.agent.adapters import registry
-from robots.agent.adapters.autonomy import AutonomyAdapter
-from robots.agent.collision_monitor import monitor_of
-from robots.agent.motion import ZERO
+from robots.agent.adapters.navigation_layer.adapter import AutonomyAdapter
+from robots.agent.safety.collision_monitor import monitor_of
+from robots.agent.safety.ramp import ZERO
 from tests.support.patience import patient
 
 

@@ -13,7 +13,7 @@ from robots.broker import packets
 from robots.broker.embedded import EmbeddedBroker
 from robots.broker.mosquitto import MosquittoBroker
 from robots.broker.permissions import BrokerUser, of_robot, of_server
-from robots.credentials import hash_token, new_token
+from robots.enrol.credentials import hash_token, new_token
 from tests.support.patience import patient
 from tests.support.site import free_port
 

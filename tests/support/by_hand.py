@@ -8,15 +8,15 @@ from dataclasses import dataclass, field
 from experiments.bots.driver import Driver, Guide
 from experiments.bots.steering import Speed
 from experiments.bots.view import View
-from experiments.cues import LEAVING, NEAR_HOME
-from experiments.shipped import shipped
-from robots.agent.simulator.drive import STILL
+from experiments.definition.cues import LEAVING, NEAR_HOME
+from experiments.definition.shipped import shipped
+from robots.agent.simulator.physics.drive import STILL
+from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import GIRAFF
-from robots.agent.simulator.simulation import Simulation
-from robots.agent.world.sites import load_plan
 from robots.api.docked import DOCKED, DockReading, DockState, follow
 from robots.api.geometry import Pose2D
-from sessions import wire
+from robots.world.sites import load_plan
+from sessions import protocol
 from tests.support.newcomer import Keys, Mind
 
 DT = 0.02
@@ -108,13 +108,13 @@ class Person:
         intent, self.step = self.mind.decide(view, self.sim.time, bumped=bool(self.sim.touching - {"giraff-dock"}))
         keys.steer(intent.speed, self.step)
 
-    def _task(self, passed: int) -> wire.Task:
+    def _task(self, passed: int) -> protocol.Task:
         stop = self.guide.stops.get(passed + 1)
         if stop is not None:
             self.cue = "leave_station" if self.sim.docked else "go_to_checkpoint"
-            return wire.Task(session="s", stamp=0.0, cue=self.cue, number=passed + 1, x=stop[0], y=stop[1])
+            return protocol.Task(session="s", stamp=0.0, cue=self.cue, number=passed + 1, x=stop[0], y=stop[1])
         home = math.dist((self.guide.dock.x, self.guide.dock.y), self.sim.pose[:2])
         if self.dock.touching:
-            return wire.Task(session="s", stamp=0.0, cue="dock_hold")
+            return protocol.Task(session="s", stamp=0.0, cue="dock_hold")
         self.cue = "dock_now" if home <= NEAR_HOME * (LEAVING if self.cue == "dock_now" else 1.0) else "return_home"
-        return wire.Task(session="s", stamp=0.0, cue=self.cue)
+        return protocol.Task(session="s", stamp=0.0, cue=self.cue)

@@ -15,8 +15,8 @@ django.setup()
 
 from django.utils import timezone  # noqa: E402
 
-from experiments import grants  # noqa: E402
 from experiments.models import Participant  # noqa: E402
+from experiments.participation import grants  # noqa: E402
 from robots.models import Robot  # noqa: E402
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from django.contrib.staticfiles.finders import BaseFinder
 
-from telepresence_site.static_files import HashedModules
+from telepresence_site.web.static_files import HashedModules
 from tests.support.paths import ROOT
 
 FORGOTTEN_S = 24 * 3600.0
@@ -40,7 +40,7 @@ def collected_files() -> Path:
 def _digest() -> str:
     """Return what changes when the files or the way they are collected change."""
     sources = [path for path in (ROOT / "static").rglob("*") if path.is_file()]
-    sources += [ROOT / "telepresence_site" / name for name in ("settings.py", "static_files.py")]
+    sources += [ROOT / "telepresence_site" / name for name in ("settings.py", "web/static_files.py")]
     entries = sorted(f"{path} {path.stat().st_mtime_ns} {path.stat().st_size}" for path in sources)
     return hashlib.sha256("\n".join(entries).encode()).hexdigest()[:16]
 

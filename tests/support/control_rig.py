@@ -5,10 +5,10 @@ import random
 import msgspec
 import numpy as np
 
-from robots.agent.adapters.contract import Frame
-from robots.agent.control import ControlLoop
+from robots.agent.control.loop import ControlLoop
 from robots.agent.lab.in_force import CLEAN
-from robots.agent.media.frame_gate import decoded
+from robots.agent.media.webrtc.packet_gate import decoded
+from robots.agent.robot_interface import Frame
 from robots.agent.store import Store
 from robots.api import messages as m
 from robots.api.codec import encode_frame

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 
-from robots.agent.world.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from robots.agent.world.raycaster import cast
-from robots.agent.world.sensing import CENTRE, Beams
-from robots.agent.world.solids import Floats, edges, rectangle
-from robots.agent.world.solids import Solid as _Solid
 from robots.api.geometry import MapTransform, Pose2D
+from robots.world.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from robots.world.raycaster import cast
+from robots.world.sensing import CENTRE, Beams
+from robots.world.solids import Floats, edges, rectangle
+from robots.world.solids import Solid as _Solid
 
 SHADES = {"#": OCCUPIED, ".": FREE, "~": FREE, " ": UNKNOWN}
 

@@ -7,8 +7,8 @@ import asyncio
 import sys
 import threading
 
-from robots.agent.adapters import simulator
 from robots.agent.adapters.registry import create
+from robots.agent.adapters.simulator import adapter as simulator
 from robots.api.messages import Velocity
 
 

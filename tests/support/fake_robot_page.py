@@ -28,15 +28,15 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from robots.agent.media import MediaSide
-from robots.agent.media.frame_gate import Heard
-from robots.agent.permissions import Sender
-from robots.agent.safety import Kernel
+from robots.agent.media.webrtc.packet_gate import Heard
+from robots.agent.safety.kernel import Kernel
+from robots.agent.safety.permissions import Sender
+from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import model_of
-from robots.agent.simulator.simulation import Simulation
 from robots.api import codec, floorplan, picture
 from robots.api import messages as m
 from robots.api.errors import Rejection
-from sessions import wire
+from sessions import protocol
 from tests.support.collected import collected_files
 from tests.support.paths import ROOT
 from tests.support.patience import patient
@@ -75,8 +75,8 @@ class FakeRobotPage:
         self.media = MediaSide(video=self.camera, audio=None, viewers=4, on_command=self._on_channel, reply=self._reply)
         self.heard: list[tuple[int, str, str, Any]] = []
         self.applied: list[tuple[str, m.VelocityCommand]] = []
-        self.study = study  # what experiments.task_page tells a page
-        self.terms: wire.GrantedTerms | None = None
+        self.study = study  # what experiments.tasks.page tells a page
+        self.terms: protocol.GrantedTerms | None = None
         self.photos: dict[str, bytes] = {}  # action id to JPEG: what the server has of what was photographed
         self.practice: dict[str, Any] | None = None  # where to practise, as the server says it; PRACTICE is a page for it
         self.still: bytes | None = None  # the JPEG that comes through the server
@@ -88,7 +88,7 @@ class FakeRobotPage:
         self.muted = False  # the robot's voice on data channels
         self.deaf_to_channel = False
         self.stopped = False  # the web process, which keeps its sockets and says nothing
-        self.faults: tuple[wire.Fault, ...] = ()  # what it says that fails
+        self.faults: tuple[protocol.Fault, ...] = ()  # what it says that fails
         self.closed_to_sockets = False
         self.answers = threading.Event()  # cleared: the robot's answers wait
         self.answers.set()
@@ -164,7 +164,7 @@ class FakeRobotPage:
 
     def _http(self, _connection: ServerConnection, request: Request) -> Response | None:
         path = urlsplit(request.path).path
-        if path in {"/socket", f"/{wire.CHECK_PATH}"}:
+        if path in {"/socket", f"/{protocol.CHECK_PATH}"}:
             return Response(503, "busy", Headers()) if self.closed_to_sockets else None
         file = collected_files() / path.removeprefix("/static/")
         if path.startswith("/static/") and file.is_file():  # first, for there are a hundred of them a page
@@ -191,7 +191,7 @@ class FakeRobotPage:
         """Return the page as Django renders it."""
         factsheet = msgspec.to_builtins(self.factsheet)
         config = {"robot": ROBOT, "title": "Giraff", "socket": "/socket", "floorplan": "/floorplan.json", "factsheet": factsheet}
-        config |= {"snapshots": "/snapshots", "study": self.study, "check": f"/{wire.CHECK_PATH}"}
+        config |= {"snapshots": "/snapshots", "study": self.study, "check": f"/{protocol.CHECK_PATH}"}
         config["practice"] = "/practice" if self.practice else None
         with translation.override(language):
             return render_to_string("sessions/drive.html", {"robot": SimpleNamespace(name=ROBOT, title="Giraff"), "config": config})
@@ -201,14 +201,16 @@ class FakeRobotPage:
         return json.dumps({**grid, "plan": json.loads((OFFICE / "plan.json").read_text())}).encode()
 
     async def _page(self, connection: ServerConnection) -> None:
-        if connection.request.path == f"/{wire.CHECK_PATH}":
+        if connection.request.path == f"/{protocol.CHECK_PATH}":
             async for word in connection:
                 await connection.send(word)
             return
         self._count += 1
         page = _Page(connection, f"p{secrets.token_hex(4)}", self._count, lambda: self.stopped)
         self._pages[page.peer] = page
-        page.say("hello", wire.Hello(peer=page.peer, stamp=time.time(), robot=ROBOT, online=self.online, may_drive=self.may_drive, may_observe=True))
+        page.say(
+            "hello", protocol.Hello(peer=page.peer, stamp=time.time(), robot=ROBOT, online=self.online, may_drive=self.may_drive, may_observe=True)
+        )
         self._tell_room()
         try:
             with contextlib.suppress(ConnectionClosed):
@@ -222,9 +224,9 @@ class FakeRobotPage:
     def _hear(self, page: "_Page", frame: str) -> None:
         suffix, _, payload = frame.partition("\n")
         try:
-            message = codec.decode(suffix, payload) if suffix.startswith("command/") else wire.decode(suffix, payload)
+            message = codec.decode(suffix, payload) if suffix.startswith("command/") else protocol.decode(suffix, payload)
         except Rejection as rejection:
-            page.say("denied", wire.Denied(suffix=suffix, reason=rejection.reason))
+            page.say("denied", protocol.Denied(suffix=suffix, reason=rejection.reason))
             self.heard.append((page.number, "mqtt", "rejected", rejection))
             return
         self.heard.append((page.number, "mqtt", suffix, message))
@@ -235,12 +237,12 @@ class FakeRobotPage:
 
     def _visit(self, page: "_Page", message: Any) -> None:
         match message:
-            case wire.Take():
+            case protocol.Take():
                 self._take(page, message)
-            case wire.Observe():
+            case protocol.Observe():
                 page.watches = True
-                page.say("session/observing", wire.Observing())
-            case wire.Leave() if self._holds(page):
+                page.say("session/observing", protocol.Observing())
+            case protocol.Leave() if self._holds(page):
                 self._end("completed")
             case m.Offer():
                 role: m.Role = "driver" if self._holds(page) else "observer"
@@ -249,7 +251,7 @@ class FakeRobotPage:
                 self.media.signal(page.peer, message)
         self._tell_room()
 
-    def _take(self, page: "_Page", take: wire.Take) -> None:
+    def _take(self, page: "_Page", take: protocol.Take) -> None:
         lease = self._lease
         if lease is not None and take.session == lease.session and take.peer == lease.peer:
             del self._pages[page.peer]
@@ -260,7 +262,7 @@ class FakeRobotPage:
             self._grant(page, take.session or secrets.token_hex(8), lease.epoch + 1 if lease else 1, resumed=False)
         else:
             self._queue.append(page)
-            page.say("session/queued", wire.Queued(session=page.peer, place=len(self._queue), minutes=4.0))
+            page.say("session/queued", protocol.Queued(session=page.peer, place=len(self._queue), minutes=4.0))
 
     def _grant(self, page: "_Page", session: str, epoch: int, *, resumed: bool) -> None:
         limits = m.LeaseLimits()
@@ -269,7 +271,7 @@ class FakeRobotPage:
         self._lease = m.Lease(session=session, epoch=epoch, peer=page.peer, who="Ana", renewal=renewal, stamp=time.time(), ttl=60.0, limits=limits)
         self.kernel.take_lease(self._lease, retained=False, now=time.monotonic())
         self.media.lease_changed(page.peer)
-        page.say("session/granted", wire.Granted(session=session, epoch=epoch, peer=page.peer, resumed=resumed, limits=limits, terms=self.terms))
+        page.say("session/granted", protocol.Granted(session=session, epoch=epoch, peer=page.peer, resumed=resumed, limits=limits, terms=self.terms))
 
     def _holds(self, page: "_Page") -> bool:
         return self._lease is not None and self._lease.peer == page.peer
@@ -279,13 +281,13 @@ class FakeRobotPage:
         self.kernel.take_lease(None, retained=False, now=time.monotonic())
         self.media.lease_changed(None)
         if lease is not None and lease.peer in self._pages:
-            self._pages[lease.peer].say("session/ended", wire.Ended(session=lease.session, outcome=outcome))
+            self._pages[lease.peer].say("session/ended", protocol.Ended(session=lease.session, outcome=outcome))
         self._tell_room()
 
     def _offer_turn(self, seconds: float) -> None:
         self._end("completed")
         page = self._queue.pop(0)
-        page.say("session/turn", wire.YourTurn(session=page.peer, seconds=seconds))
+        page.say("session/turn", protocol.YourTurn(session=page.peer, seconds=seconds))
 
     def _tell(self, suffix: str, message: m.Message) -> None:
         for page in self._pages.values():
@@ -294,7 +296,7 @@ class FakeRobotPage:
     def _tell_room(self) -> None:
         driver = "Ana" if self._lease else None
         others = sum(page.watches for page in self._pages.values())
-        self._tell("room", wire.Room(driver=driver, driving=driver is not None, observers=others, waiting=len(self._queue)))
+        self._tell("room", protocol.Room(driver=driver, driving=driver is not None, observers=others, waiting=len(self._queue)))
 
     # --- the robot ---------------------------------------------------------------------------------------------------
 
@@ -353,7 +355,7 @@ class FakeRobotPage:
             if tick % 15 == 0 and self.online:
                 self._say("scan", self._scan())
             if tick % STATUS == 0:
-                self._tell("server/status", wire.ServerStatus(faults=self.faults))
+                self._tell("server/status", protocol.ServerStatus(faults=self.faults))
             if tick % RENEWAL == 0 and self._lease is not None:
                 self._lease = msgspec.structs.replace(self._lease, renewal=self._lease.renewal + 1, stamp=time.time())
                 self.kernel.take_lease(self._lease, retained=False, now=now)
@@ -412,7 +414,7 @@ class _Page:
         self._tasks: set[asyncio.Task[None]] = set()
 
     def say(self, suffix: str, message: m.Message) -> None:
-        self.show(wire.encode_frame(suffix, message))
+        self.show(protocol.encode_frame(suffix, message))
 
     def show(self, frame: str | bytes) -> None:
         if self.is_stopped():

@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Iterator
 from typing import Any
 
-from sessions import terms
+from sessions.leases import terms
 
 
 class FixedTerms:

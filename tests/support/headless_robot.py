@@ -6,11 +6,11 @@ import numpy as np
 
 from robots.agent.autonomy.area import Area, area_of, update_of
 from robots.agent.autonomy.headless import Headless
-from robots.agent.autonomy.perception import Body, Perception
+from robots.agent.autonomy.sensor_snapshot import Body, Perception
+from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import model_of
-from robots.agent.simulator.simulation import Simulation
-from robots.agent.world.sites import load_site
 from robots.api.messages import Velocity
+from robots.world.sites import load_site
 
 DT = 0.02
 ENDED = {"FINISHED", "FAILED", "CANCELLED"}

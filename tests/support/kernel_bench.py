@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Any
 
-from robots.agent.permissions import Sender
-from robots.agent.safety import Decision, Kernel, Verdict
+from robots.agent.safety.kernel import Decision, Kernel, Verdict
+from robots.agent.safety.permissions import Sender
 from robots.api import messages as m
 
 LIMITS = m.Limits(

@@ -17,7 +17,7 @@ django.setup()
 
 from accounts.models import User  # noqa: E402
 from robots.models import Robot  # noqa: E402
-from sessions.turns import take  # noqa: E402
+from sessions.leases.store import take  # noqa: E402
 
 
 def main() -> None:

@@ -1,9 +1,9 @@
-"""A robot, its queue and its visitors in memory: carries out the decisions of sessions.leases and sessions.timekeeping without a database."""
+"""A robot, its queue and its visitors in memory: carries out the decisions of sessions.leases.policy and sessions.leases.transitions without a database."""
 
 from dataclasses import dataclass, field, replace
 
-from sessions.leases import Ask, Deny, Grant, Hold, Resume, Rules, Scene, Visit, Wait, decide_take
-from sessions.timekeeping import AskThere, Drove, End, FoundThere, Free, Link, Lose, Move, Offer, SetTurn, Warn, Withdraw, decide_tick
+from sessions.leases.policy import Ask, Deny, Grant, Hold, Resume, Rules, Scene, Visit, Wait, decide_take
+from sessions.leases.transitions import AskThere, Drove, End, FoundThere, Free, Link, Lose, Move, Offer, SetTurn, Warn, Withdraw, decide_tick
 
 RULES = Rules(turn=60.0, warning=20.0, start=15.0, grace=10.0)
 ASKING = replace(RULES, idle=120.0)

@@ -10,7 +10,7 @@ from aiortc import RTCConfiguration, RTCDataChannel, RTCPeerConnection, RTCSessi
 from aiortc.mediastreams import MediaStreamError
 
 from robots.agent.media import MediaSide
-from robots.agent.media.frame_gate import Heard
+from robots.agent.media.webrtc.packet_gate import Heard
 from robots.api.codec import decode_frame
 from robots.api.messages import Answer, Bye, Offer, Role, SignalReply
 from tests.support.patience import patient

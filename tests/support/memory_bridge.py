@@ -9,7 +9,7 @@ from robots.bridge.delivery import LINK, Delivery, Letter
 
 
 class MemoryBridge:
-    """Stands in for robots.mqtt_bridge.Bridge. `sent` holds (robot, suffix, message), `leases` (robot, lease or None)."""
+    """Stands in for robots.bridge.bridge.Bridge. `sent` holds (robot, suffix, message), `leases` (robot, lease or None)."""
 
     def __init__(self):
         self.delivery = Delivery()

@@ -5,7 +5,7 @@ The agent's end lives on its control loop, the test's wherever the test is: mess
 
 import asyncio
 
-from robots.agent.outbox import Outbox, letter
+from robots.agent.broker_link.outbox import Outbox, letter
 from robots.api import codec
 from tests.support.virtual_time import RealTime
 

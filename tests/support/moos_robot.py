@@ -11,8 +11,8 @@ import contextlib
 import math
 import time
 
-from robots.agent.adapters.contract import AdapterError
-from robots.agent.adapters.moos_client import MoosClient
+from robots.agent.adapters.moos.client import MoosClient
+from robots.agent.robot_interface import AdapterError
 from tests.support import openmora_rules
 from tests.support.frozen import ServerProcess
 from tests.support.patience import patient

@@ -11,8 +11,8 @@ import sys
 import time
 from dataclasses import replace
 
-from robots.agent.adapters import moos_wire as wire
-from robots.agent.adapters.moos_wire import Mail
+from robots.agent.adapters.moos import wire
+from robots.agent.adapters.moos.wire import Mail
 
 SILENCE = 5.0
 

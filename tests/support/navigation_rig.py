@@ -11,13 +11,13 @@ import numpy as np
 
 from robots.agent.localization.localizer import Localizer
 from robots.agent.navigation.navigator import Navigator
-from robots.agent.navigation.obstacles import ObstacleMemory
-from robots.agent.navigation.steps import Step
-from robots.agent.simulator.simulation import Simulation
-from robots.agent.world.grid import OccupancyGrid
-from robots.agent.world.sensing import Beams, Estimate
+from robots.agent.navigation.obstacles.memory import ObstacleMemory
+from robots.agent.navigation.planning.steps import Step
+from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Velocity
+from robots.world.grid import OccupancyGrid
+from robots.world.sensing import Beams, Estimate
 
 DT = 0.02
 TICKS = 5  # of the simulation a step of navigation

@@ -19,9 +19,9 @@ from playwright.sync_api import TimeoutError as PlaywrightTimeout
 from experiments.bots.driver import Driver, Guide, Intent
 from experiments.bots.steering import STAND, Speed
 from experiments.bots.view import View
-from robots.agent.world.sites import load_plan
 from robots.api.geometry import Pose2D, wrap_angle
-from sessions import wire
+from robots.world.sites import load_plan
+from sessions import protocol
 from tests.support.patience import patient
 
 CUES = {
@@ -202,7 +202,7 @@ class Newcomer:
         number = re.search(r"checkpoint (\d+)", seen["cue"])
         at = guide.stops.get(int(number[1])) if number else guide.stops.get(1) if cue == "leave_station" else None
         view = View(pose=pose_on(seen), localized=cue != "lost")
-        view.task = wire.Task(session="seen", stamp=0.0, cue=cue, number=int(number[1]) if number else None, x=at and at[0], y=at and at[1])
+        view.task = protocol.Task(session="seen", stamp=0.0, cue=cue, number=int(number[1]) if number else None, x=at and at[0], y=at and at[1])
         return view, "touching something" in seen["alert"]
 
     def _do(self, intent: Intent, step: str) -> None:

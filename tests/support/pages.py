@@ -12,7 +12,7 @@ from django.test import Client
 
 from robots.api import codec, picture, topics
 from robots.api.messages import Stop
-from sessions import wire
+from sessions import protocol
 from tests.support.patience import patient
 
 SECONDS = 5.0
@@ -27,7 +27,7 @@ def cookie_of(user):
 
 
 def decode(frame):
-    """Return (suffix, message) of a frame for pages; media and telemetry are of the Robot API, the rest of sessions/wire.py.
+    """Return (suffix, message) of a frame for pages; media and telemetry are of the Robot API, the rest of sessions/protocol.py.
 
     A binary frame is a picture: its message is (stamp, JPEG).
     """
@@ -35,7 +35,7 @@ def decode(frame):
         suffix, _, payload = frame.partition(b"\n")
         return suffix.decode(), picture.unpack(payload)
     suffix, _, payload = frame.partition("\n")
-    kind = wire.TO_PAGE.get(suffix)
+    kind = protocol.TO_PAGE.get(suffix)
     if kind is not None:
         return suffix, msgspec.json.decode(payload, type=kind)
     assert suffix in {*topics.TO_PAGE, "words", "pointer"}, suffix
@@ -111,7 +111,7 @@ class Page(Expecting):
             self.seen.append(decode(output.get("text") or output["bytes"]))
 
     async def take(self, **message):
-        await self.say("session/take", wire.Take(**message))
+        await self.say("session/take", protocol.Take(**message))
         return await self.expect("session/granted")
 
     def told(self, suffix):

@@ -10,10 +10,11 @@ from django.conf import settings
 from django.utils import timezone
 
 from accounts.models import User
-from experiments import participation, publishing
-from experiments.definition import Study as Definition
+from experiments.definition import publishing
+from experiments.definition.schema import Study as Definition
+from experiments.definition.shipped import shipped
 from experiments.models import Drive, Participant, Study
-from experiments.shipped import shipped
+from experiments.participation import progress
 from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan, Robot
 from sessions.models import Session
@@ -51,7 +52,7 @@ def of(name: str, **changes: Any) -> Definition:
 
 def comer(study: Study, user: User, **more: Any) -> Participant:
     """Somebody who came by the open link just now."""
-    return participation.enter(study, user, **{"access": "open", "recruitment": {}, "now": timezone.now(), **more})
+    return progress.enter(study, user, **{"access": "open", "recruitment": {}, "now": timezone.now(), **more})
 
 
 def assign(participant: Participant, *conditions: str) -> Participant:

@@ -13,16 +13,16 @@ from django.utils import translation
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
-from robots.agent.adapters.contract import FROM_PAGE
-from robots.agent.calls import Calls
+from robots.agent.control.calls import Calls
+from robots.agent.control.remote_pointer import Pointing
 from robots.agent.media import MediaSide
-from robots.agent.permissions import Sender
-from robots.agent.pointing import Pointing
+from robots.agent.robot_interface import FROM_PAGE
+from robots.agent.safety.permissions import Sender
 from robots.agent.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
 from robots.api import messages as m
-from sessions import wire
-from sessions.room import Halt, Publish
-from sessions.screen_room import ScreenRoom
+from sessions import protocol
+from sessions.consumers.authorization import Halt, Publish
+from sessions.consumers.screen_authorization import ScreenRoom
 from tests.support.fake_robot_page import ROBOT, FakeRobotPage, _Page, _response
 from tests.support.synthetic_camera import SyntheticMicrophone
 
@@ -87,7 +87,7 @@ class PresentRobotPage(FakeRobotPage):
         room = ScreenRoom(f"screen{secrets.token_hex(4)}", "Giraff")
         page = _Page(connection, room.peer, 0)
         self._screens[room.peer] = (page, room)
-        page.say("hello", wire.Hello(peer=room.peer, stamp=time.time(), robot=ROBOT, online=True, may_drive=False, may_observe=False))
+        page.say("hello", protocol.Hello(peer=room.peer, stamp=time.time(), robot=ROBOT, online=True, may_drive=False, may_observe=False))
         self._tell_room()
         try:
             async for frame in connection:
@@ -110,7 +110,7 @@ class PresentRobotPage(FakeRobotPage):
     def _tell_room(self) -> None:
         super()._tell_room()
         lease = self._lease
-        shown = wire.Screen(
+        shown = protocol.Screen(
             title="Giraff", session=lease.session if lease else None, visitor="Ana" if lease else None, study=bool(lease) and self.is_study
         )
         for page, _ in self._screens.values():

@@ -12,8 +12,10 @@ from contextlib import asynccontextmanager
 
 import pytest
 
-from robots.agent.adapters import openmora, remote, ros
-from robots.agent.adapters.contract import Adapter, AdapterError, RcaState
+from robots.agent.adapters.common import remote_adapter
+from robots.agent.adapters.moos import openmora
+from robots.agent.adapters.ros import base
+from robots.agent.robot_interface import Adapter, AdapterError, RcaState
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Dock, Goto, Relocalize, Undock, Velocity
 from tests.support.adapter_conformance import AdapterConformance, drive, some, stands, wait_for
@@ -237,7 +239,7 @@ class RcaConformance(AdapterConformance):
         if "relocalize" not in adapter.profile.capabilities:
             return
         await self.here(adapter)
-        for module in (openmora, ros):
+        for module in (openmora, base):
             monkeypatch.setattr(module, "LONGEST_RELOCALIZATION", 3.0)
         self.rig.world.deaf = True
         place = self.rig.world.truth.compose(Pose2D(2.5, 0.0, 0.0))
@@ -255,7 +257,7 @@ class RcaConformance(AdapterConformance):
         await dying
         assert len(reason) > 10
         with monkeypatch.context() as shortly:
-            shortly.setattr(remote, "FIRST_READING", 1.5)
+            shortly.setattr(remote_adapter, "FIRST_READING", 1.5)
             with pytest.raises(AdapterError):
                 await adapter.connect()
         with pytest.raises(AdapterError):

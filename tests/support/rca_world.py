@@ -12,11 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from robots.agent.adapters import registry
-from robots.agent.simulator.playback import Playback
+from robots.agent.simulator.physics.realtime import Playback
+from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import model_of
-from robots.agent.simulator.simulation import Simulation
-from robots.agent.world.sites import load_plan
 from robots.api.geometry import Pose2D, wrap_angle
+from robots.world.sites import load_plan
 from tests.support.patience import patient
 
 TICK = 0.02

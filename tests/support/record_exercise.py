@@ -18,8 +18,8 @@ from accounts.models import User  # noqa: E402
 from robots.api import codec, messages  # noqa: E402
 from robots.models import Robot  # noqa: E402
 from sessions.models import Session, StateChunk  # noqa: E402
-from sessions.record_items import StateItem  # noqa: E402
-from sessions.recorder import Recorder  # noqa: E402
+from sessions.recording.items import StateItem  # noqa: E402
+from sessions.recording.recorder import Recorder  # noqa: E402
 
 NUL = b',"said":"a\\u0000b"}'
 # Not UTF-8, inside a field that nobody knows and therefore nobody decodes.

@@ -22,8 +22,8 @@ from django.conf import settings
 
 from robots.api import codec, messages, topics
 from robots.cancellation import cancel
-from sessions.session_manager import SessionManager
-from sessions.side_by_side import until_one_ends
+from sessions.manager.service import SessionManager
+from sessions.manager.task_group import until_one_ends
 from tests.support.paths import ROOT
 from tests.support.patience import patient
 from tests.support.site import free_port

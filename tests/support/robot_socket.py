@@ -9,7 +9,7 @@ from websockets.exceptions import ConnectionClosed
 
 from robots.api import codec, picture
 from robots.api.messages import Battery, Pose, State, Velocity
-from sessions import wire
+from sessions import protocol
 from tests.support.patience import patient
 
 JPEG = b"\xff\xd8\xff\xe0 a picture \xff\xd9"
@@ -38,7 +38,9 @@ class RobotSocket:
         self.socket = socket
         self.connections += 1
         with contextlib.suppress(ConnectionClosed):
-            await self.say("hello", wire.Hello(peer=f"p{self.connections}", stamp=0.0, robot="giraff", online=True, may_drive=True, may_observe=True))
+            await self.say(
+                "hello", protocol.Hello(peer=f"p{self.connections}", stamp=0.0, robot="giraff", online=True, may_drive=True, may_observe=True)
+            )
             async for frame in socket:
                 suffix, _, payload = frame.partition("\n")
                 self.heard.append((suffix, json.loads(payload)))
@@ -47,7 +49,7 @@ class RobotSocket:
 
     async def _answer(self, suffix):
         if suffix == "session/take" and self.queued:
-            await self.say("session/queued", wire.Queued(session="s1", place=1, minutes=2.0))
+            await self.say("session/queued", protocol.Queued(session="s1", place=1, minutes=2.0))
         elif suffix == "session/take":
             await self.grant()
         elif suffix == "command/picture":
@@ -56,7 +58,7 @@ class RobotSocket:
 
     async def grant(self):
         self.queued = False
-        await self.say("session/granted", wire.Granted(session="s1", epoch=3, peer="p1", terms=wire.GrantedTerms(interface="standard")))
+        await self.say("session/granted", protocol.Granted(session="s1", epoch=3, peer="p1", terms=protocol.GrantedTerms(interface="standard")))
         await self.say(
             "state",
             State(stamp=1.0, boot="b", seq=1, session="s1", pose=Pose(x=1.0, y=2.0, theta=0.0), velocity=Velocity(linear=0.0, angular=0.0),

@@ -7,8 +7,8 @@ import subprocess
 import time
 from pathlib import Path
 
-from robots.agent.adapters import ros1
-from robots.agent.adapters.contract import AdapterError
+from robots.agent.adapters.ros import ros1
+from robots.agent.robot_interface import AdapterError
 from tests.support.frozen import freeze
 from tests.support.patience import patient
 from tests.support.rca_world import RcaRig

@@ -7,7 +7,7 @@ import threading
 
 from cyclonedds.sub import DataReader
 
-from robots.agent.adapters.ros2 import DdsBus, quality
+from robots.agent.adapters.ros.ros2 import DdsBus, quality
 from tests.support.ros_robot import RosRobot
 
 GOALS = {"/navigate_to_pose/_action/status": "action_msgs/GoalStatusArray"}

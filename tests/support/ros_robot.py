@@ -4,7 +4,7 @@ import base64
 import math
 import time
 
-from robots.agent.adapters import ros_words
+from robots.agent.adapters.ros import messages
 from tests.support.picture_server import jpeg_of
 
 GREY = base64.b64encode(jpeg_of(128)).decode()
@@ -44,18 +44,18 @@ class RosRobot:
     }
 
     def header(self, frame):
-        return ros_words.header(frame, time.time(), self.version)
+        return messages.header(frame, time.time(), self.version)
 
     def hear(self, topic, message):
         world = self.world
         if topic == self.base[0]:
-            self.stamps.append(ros_words.stamp_in(message, 0.0))
+            self.stamps.append(messages.stamp_in(message, 0.0))
             twist = message["twist"] if self.base[1] == STAMPED else message
             world.drive(twist["linear"]["x"], twist["angular"]["z"])
         elif topic == "/head/command":
             world.tilt(message["data"])
         elif topic == "/initialpose":
-            self.located.append(ros_words.fix_in(message))
+            self.located.append(messages.fix_in(message))
             self.relocalize(message)
         elif topic == "/move_base/goal":
             self.go(message["goal"]["target_pose"], message["goal_id"]["id"])
@@ -68,12 +68,12 @@ class RosRobot:
         What it believes is published once, with the next scan, and again when the robot has moved.
         """
         if message["header"]["frame_id"] == "map" and not self.world.deaf:
-            self.world.believe(ros_words.pose_in(message["pose"]["pose"]))
+            self.world.believe(messages.pose_in(message["pose"]["pose"]))
             self._fixed = 0.0
 
     def go(self, stamped, goal):
         assert stamped["header"]["frame_id"] == "map"
-        place = ros_words.pose_in(stamped["pose"])
+        place = messages.pose_in(stamped["pose"])
         self.goal = goal
         self._told = ""
         self.world.go_to(place.x, place.y)
@@ -100,7 +100,7 @@ class RosRobot:
 
     def odometry(self, sim):
         twist = {"linear": {"x": sim.motion.linear, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": sim.motion.angular}}
-        where = {"pose": ros_words.pose(sim.odometry), "covariance": [0.0] * 36}
+        where = {"pose": messages.pose(sim.odometry), "covariance": [0.0] * 36}
         return {
             "header": self.header("odom"),
             "child_frame_id": "base_link",
@@ -112,7 +112,7 @@ class RosRobot:
         covariance = [0.0] * 36
         covariance[0] = covariance[7] = 0.0025
         covariance[35] = 0.001
-        return {"header": self.header("map"), "pose": {"pose": ros_words.pose(self.world.believed), "covariance": covariance}}
+        return {"header": self.header("map"), "pose": {"pose": messages.pose(self.world.believed), "covariance": covariance}}
 
     def scan(self, sim):
         laser = sim.model.laser

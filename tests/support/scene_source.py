@@ -4,9 +4,9 @@ import time
 
 import numpy as np
 
-from robots.agent.adapters.contract import Frame
-from robots.agent.simulator.camera import SceneCamera
-from robots.agent.simulator.simulation import Simulation
+from robots.agent.robot_interface import Frame
+from robots.agent.simulator.physics.simulation import Simulation
+from robots.agent.simulator.render.camera import SceneCamera
 from robots.api.floorplan import FloorPlan
 
 

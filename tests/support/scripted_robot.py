@@ -5,9 +5,9 @@ import threading
 import time
 from dataclasses import dataclass, field, replace
 
-from robots.agent.adapters.contract import ActionProgress, AdapterError, Profile, RcaState
-from robots.agent.motion import ZERO
-from robots.agent.times import Times
+from robots.agent.robot_interface import ActionProgress, AdapterError, Profile, RcaState
+from robots.agent.safety.ramp import ZERO
+from robots.agent.timing import Times
 from robots.api import messages as m
 
 LIMITS = m.Limits(

@@ -28,7 +28,7 @@ SECRETS = {"SECRET_KEY": "a-secret-of-the-test-" + "x" * 40, "TURN_SECRET": ""}
 MAKE = """
 from django.core.management import call_command
 from django.utils import timezone
-from robots.credentials import make_credentials
+from robots.enrol.credentials import make_credentials
 from robots.models import Robot
 call_command("migrate", verbosity=0)
 robot = Robot.objects.create(name="giraff", title="Giraff", returns_home=False)

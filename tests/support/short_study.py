@@ -6,8 +6,8 @@ import sys
 
 import msgspec
 
-from experiments.definition import Study
-from experiments.shipped import shipped
+from experiments.definition.schema import Study
+from experiments.definition.shipped import shipped
 from tests.support.site import ROOT, Site
 
 
@@ -31,7 +31,7 @@ def as_json(study: Study) -> str:
 def store_in(site: Site) -> None:
     """Put the study into a site's database, as a draft."""
     site.django(
-        "import json; from django.utils import timezone; from experiments import publishing; from experiments.definition import from_stored;"
+        "import json; from django.utils import timezone; from experiments import publishing; from experiments.definition.schema import from_stored;"
         f"publishing.store(from_stored(json.loads({as_json(short_study())!r})), timezone.now())"
     )
 

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
 
-from robots.agent.simulator.frames import _attach
+from robots.agent.simulator.render.frame_ring import _attach
 from tests.support.paths import ROOT
 from tests.support.patience import patient
 from tests.support.truth import Onlooker

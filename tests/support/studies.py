@@ -2,7 +2,7 @@
 
 import msgspec
 
-from experiments.definition import Study
+from experiments.definition.schema import Study
 from robots.api import floorplan
 from robots.api.floorplan import FloorPlan
 

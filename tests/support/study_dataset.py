@@ -7,11 +7,11 @@ import msgspec
 import numpy as np
 
 import surveys
-from experiments.analysis.columns import NETWORK, STATES
-from experiments.analysis.dataset import Columns, Dataset, Event, Page, Participant, Response, Robot, Session, columns_of
-from experiments.definition import Course, Study
-from experiments.shipped import shipped
-from robots.agent.world.sites import load_plan
+from experiments.analysis.dataset.columns import NETWORK, STATES
+from experiments.analysis.dataset.records import Columns, Dataset, Event, Page, Participant, Response, Robot, Session, columns_of
+from experiments.definition.schema import Course, Study
+from experiments.definition.shipped import shipped
+from robots.world.sites import load_plan
 from surveys.definition import Definition
 from surveys.problems import parse
 

@@ -10,9 +10,9 @@ import msgspec
 import numpy as np
 
 from accounts.models import User
-from experiments.analysis.columns import METHODS, MODES, WAYS
-from experiments.analysis.dataset import Columns, Dataset, Session
-from experiments.definition import Form, Questionnaire, digest
+from experiments.analysis.dataset.columns import METHODS, MODES, WAYS
+from experiments.analysis.dataset.records import Columns, Dataset, Session
+from experiments.definition.schema import Form, Questionnaire, digest
 from experiments.models import Drive, Participant, StepVisit, Study, TaskEvent
 from robots.api import floorplan
 from robots.models import FloorPlan, Robot

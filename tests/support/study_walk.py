@@ -8,9 +8,9 @@ from django.urls import reverse
 from django.utils import timezone
 
 from accounts.models import User
-from experiments import participation
-from experiments.definition import AnyStep, Consent, Form, Instructions, Practice, Questionnaire, Task
+from experiments.definition.schema import AnyStep, Consent, Form, Instructions, Practice, Questionnaire, Task
 from experiments.models import Participant, Study
+from experiments.participation import progress
 from robots.models import Robot
 from surveys.models import Response
 from tests.support import participants as p
@@ -35,13 +35,13 @@ class Walker:
 
     @property
     def participant(self) -> Participant:
-        found = participation.found(self.study, self.user)
+        found = progress.found(self.study, self.user)
         assert found is not None
         return found
 
     @property
     def step(self) -> AnyStep:
-        return participation.step_of(self.participant)
+        return progress.step_of(self.participant)
 
     def url(self, name: str = "study_step") -> str:
         return reverse(name, args=[self.study.slug])
@@ -54,11 +54,11 @@ class Walker:
         return read((client or self.client).get(self.url(), follow=True))
 
     def send(self, client: Client | None = None, **fields: str) -> Any:
-        return (client or self.client).post(self.url(), {"place": participation.place(self.participant).word, **fields})
+        return (client or self.client).post(self.url(), {"place": progress.place(self.participant).word, **fields})
 
     def answers(self) -> dict[str, str]:
         """What a page of the current step sends."""
-        here = {"place": participation.place(self.participant).word}
+        here = {"place": progress.place(self.participant).word}
         return {**here, "age": "30", "agree": "on"} if isinstance(self.step, Consent) else here
 
     def do(self, client: Client | None = None) -> None:
@@ -76,6 +76,6 @@ class Walker:
     def drive(self, outcome: str = "completed", *, moved: bool = True) -> Any:
         own = self.participant
         if not own.cell:
-            cell = participation.assignment.cells(self.study.as_definition(), "open")[0]
+            cell = progress.assignment.cells(self.study.as_definition(), "open")[0]
             own = p.assign(own, *cell.conditions)
         return p.drive_of(self.robot, own, outcome=outcome, moved=moved)

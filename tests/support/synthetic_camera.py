@@ -10,7 +10,7 @@ import time
 import numpy as np
 import numpy.typing as npt
 
-from robots.agent.adapters.contract import AdapterError, Frame
+from robots.agent.robot_interface import AdapterError, Frame
 
 WIDTH, HEIGHT = 640, 480
 CELL = 20  # pixels

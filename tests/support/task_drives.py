@@ -3,9 +3,9 @@
 import math
 from dataclasses import replace
 
-from experiments.course import Track, lay_out
-from experiments.engine import TaskEngine
-from experiments.records import FirstFrame, Record, Seen
+from experiments.definition.course import Track, lay_out
+from experiments.tasks.engine import TaskEngine
+from experiments.tasks.records import FirstFrame, Record, Seen
 from robots.api.docked import DOCKED
 from tests.support.studies import cabin, small_study
 

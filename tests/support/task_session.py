@@ -12,13 +12,13 @@ from django.utils import timezone
 
 from accounts.models import User
 from experiments.models import Drive, Kind
-from experiments.records import FirstFrame, PhotoAnswer, PhotoFailed, PhotoTaken, Record, Seen
-from experiments.runner import Runner
+from experiments.tasks.records import FirstFrame, PhotoAnswer, PhotoFailed, PhotoTaken, Record, Seen
+from experiments.tasks.runner import Runner
 from robots.api import messages as m
 from robots.models import Robot
-from sessions import turns
+from sessions.leases import store
 from sessions.models import Session, SessionEvent, StateChunk
-from sessions.wire import PageEvent
+from sessions.protocol import PageEvent
 from tests.support import participants as p
 from tests.support.studies import small_study
 from tests.support.study_site import cabin_with_giraff
@@ -37,7 +37,7 @@ def begin(robot: Robot, name: str = "ada", study: Any = None, **changes: Any) ->
     """A participant who has just got the robot, in the condition with every door open, and drives."""
     study = study or p.published(small_study(conditions=[small_conditions()[0]], **changes))
     participant = p.comer(study, User.objects.create(username=name), kind=Kind.PARTICIPANT)
-    session = turns.take(robot, participant.user, f"peer-{name}", now=timezone.now()).session
+    session = store.take(robot, participant.user, f"peer-{name}", now=timezone.now()).session
     Session.objects.filter(pk=session).update(state="driving", driving_at=timezone.now())
     return Drive.objects.select_related("session__robot", "participant__study").get(session=session)
 
@@ -114,6 +114,6 @@ def close(drive: Drive, *, outcome: str = "", reason: str = "", at: float, missi
     """End the session, if it lives, and close its record."""
     when = datetime.datetime.fromtimestamp(at, datetime.UTC)
     if outcome:
-        turns.end(str(drive.session_id), outcome, reason, when)
+        store.end(str(drive.session_id), outcome, reason, when)
     Session.objects.filter(pk=drive.session_id).update(closed_at=when + datetime.timedelta(seconds=3), summary={"missing": missing})
     return Drive.objects.select_related("session__robot__floor_plan", "participant__study").get(pk=drive.pk)

@@ -15,10 +15,10 @@ from tests.support.site import Site
 
 def definition_of(minutes: float) -> dict[str, Any]:
     """The shipped study's first condition, with a course of a few steps and no questions."""
-    from experiments import definition
-    from experiments.shipped import shipped
+    from experiments.definition import schema
+    from experiments.definition.shipped import shipped
 
-    document: dict[str, Any] = json.loads(definition.to_json(shipped()["exploration"]))
+    document: dict[str, Any] = json.loads(schema.to_json(shipped()["exploration"]))
     steps = [step | ({"minutes": minutes} if step["kind"] == "task" else {}) for step in document["steps"] if step["kind"] in {"task", "debrief"}]
     course = next(one for one in document["courses"] if one["robot"] == "giraff")
     behind = {"number": 1, "x": 1.4, "y": 6.2, "radius": 0.6, "title": {"en": "Behind the station"}}
@@ -38,16 +38,17 @@ def main(name: str, minutes: float) -> None:
     from django.utils import timezone
 
     from accounts.models import User
-    from experiments import definition, participation
+    from experiments.definition import schema
     from experiments.models import Study
+    from experiments.participation import progress
 
     now, document = timezone.now(), definition_of(minutes)
-    sha256 = definition.digest(msgspec.convert(document, definition.Study))
+    sha256 = schema.digest(msgspec.convert(document, schema.Study))
     row = Study.objects.create(
         slug="short", version=1, title="Short", definition=document, sha256=sha256, status="published", created_at=now, published_at=now
     )
     user, _ = User.objects.get_or_create(username=name)
-    participation.enter(row, user, access="open", recruitment={}, now=now)
+    progress.enter(row, user, access="open", recruitment={}, now=now)
 
 
 if __name__ == "__main__":

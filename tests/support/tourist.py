@@ -20,7 +20,7 @@ from experiments.bots.ways import Ways
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Camera, Point
-from sessions import wire
+from sessions import protocol
 from tests.support.newcomer import BACK, FULL, LOOK, Hands, Mind, pose_on, push
 from tests.support.patience import patient
 
@@ -188,7 +188,7 @@ class Tour:
         mind, step = Mind(Driver(self.plan, guide, Speed(0.6, 0.6))), "Normal"
         began = time.monotonic()
         for number, (x, y) in enumerate(self.stops, 1):
-            task = wire.Task(session="seen", stamp=0.0, cue="go_to_checkpoint", number=number, x=x, y=y)
+            task = protocol.Task(session="seen", stamp=0.0, cue="go_to_checkpoint", number=number, x=x, y=y)
             while math.dist((x, y), (pose := self._pose(began + patient(within)))[:2]) > NEAR:
                 intent, wanted = mind.decide(View(pose=pose, localized=True, task=task), time.monotonic())
                 if wanted != step:

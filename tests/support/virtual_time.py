@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Coroutine
 from typing import Any, Self
 
-from robots.agent.times import Times
+from robots.agent.timing import Times
 from tests.support.patience import patient
 
 POLL_INTERVAL_S = 0.005

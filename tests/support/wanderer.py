@@ -10,9 +10,9 @@ from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from robots.agent.simulator.simulation import Simulation, StartError
-from robots.agent.world.grid import OccupancyGrid
+from robots.agent.simulator.physics.simulation import Simulation, StartError
 from robots.api.geometry import Pose2D, wrap_angle
+from robots.world.grid import OccupancyGrid
 
 SPACING = 2  # cells of the map a step of a way
 CLEARANCE = 0.42  # metres

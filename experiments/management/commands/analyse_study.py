@@ -6,12 +6,12 @@ from typing import Any
 
 from django.core.management import BaseCommand, CommandError
 
-from experiments.analysis.dataset import Dataset
-from experiments.analysis.folder import DatasetError, read
+from experiments.analysis.dataset.folder import DatasetError, read
+from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.page import write_page
 from experiments.analysis.report import analyse
-from experiments.dataset_of import dataset_of
-from experiments.named_study import study_named
+from experiments.dataset.build import dataset_of
+from experiments.participation.study_lookup import study_named
 
 KINDS = ("participant", "pilot", "bot")
 

@@ -7,10 +7,10 @@ from typing import Any
 
 from django.core.management import BaseCommand, CommandError
 
-from experiments.choice import Choice
-from experiments.export_files import export_files
-from experiments.export_zip import unpacked, zipped
-from experiments.named_study import study_named
+from experiments.dataset.selection import Choice
+from experiments.export.archive import unpacked, zipped
+from experiments.export.files import export_files
+from experiments.participation.study_lookup import study_named
 
 
 class Command(BaseCommand):

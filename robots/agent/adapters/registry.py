@@ -7,14 +7,21 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, cast
 
-from robots.agent.adapters.autonomy import wrapped
-from robots.agent.adapters.contract import Adapter, AdapterError
-from robots.agent.adapters.robot_profile import ADAPTERS
+from robots.agent.adapters.navigation_layer.adapter import wrapped
 from robots.agent.autonomy.area import update_of
-from robots.agent.motion import check_times
-from robots.agent.world.sites import SiteError, load_site
+from robots.agent.robot_interface import Adapter, AdapterError
+from robots.agent.safety.ramp import check_times
+from robots.world.sites import SiteError, load_site
 
-MODULES = {name: f"robots.agent.adapters.{name}" for name in ("simulator", *ADAPTERS)}
+HERE = "robots.agent.adapters"
+MODULES = {
+    "simulator": f"{HERE}.simulator.adapter",
+    "moos": f"{HERE}.moos.adapter",
+    "openmora_mqtt": f"{HERE}.moos.openmora_mqtt",
+    "ros1": f"{HERE}.ros.ros1",
+    "ros2": f"{HERE}.ros.ros2",
+    "rosbridge": f"{HERE}.ros.rosbridge",
+}
 
 
 def adapter_names() -> tuple[str, ...]:

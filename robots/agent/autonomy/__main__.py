@@ -15,9 +15,9 @@ import numpy as np
 from robots.agent import framing
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.area import AreaError, area_of
-from robots.agent.autonomy.mind import Mind, OrderError
-from robots.agent.world.sensing import Beams
+from robots.agent.autonomy.navigation_node import Mind, OrderError
 from robots.processes import interrupted_by_signals
+from robots.world.sensing import Beams
 
 log = logging.getLogger(__name__)
 PIECE = 256 << 10

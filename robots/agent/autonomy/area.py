@@ -8,12 +8,12 @@ import json
 import logging
 from dataclasses import dataclass
 
-from robots.agent.world.grid import MapError, OccupancyGrid, decode_grey, encode_png
-from robots.agent.world.sites import Site
 from robots.api import floorplan
 from robots.api.floorplan import Dock, FloorPlan, FloorPlanError
 from robots.api.geometry import MapTransform, Pose2D
 from robots.api.messages import FloorPlanUpdate
+from robots.world.grid import MapError, OccupancyGrid, decode_grey, encode_png
+from robots.world.sites import Site
 
 log = logging.getLogger(__name__)
 

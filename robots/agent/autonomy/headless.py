@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from robots.agent.adapters.contract import ActionProgress
 from robots.agent.autonomy.area import Area
-from robots.agent.autonomy.mind import Mind
-from robots.agent.autonomy.perception import Body, Perception, Thought
-from robots.agent.autonomy.whereabouts import Whereabouts
+from robots.agent.autonomy.navigation_node import Mind
+from robots.agent.autonomy.pose_extrapolator import Whereabouts
+from robots.agent.autonomy.sensor_snapshot import Body, Perception, Thought
 from robots.agent.cadence import Cadence
-from robots.agent.collision_monitor import CollisionMonitor
-from robots.agent.motion import ZERO
-from robots.agent.obstacle_sources import LaserSource
+from robots.agent.robot_interface import ActionProgress
+from robots.agent.safety.collision_monitor import CollisionMonitor
+from robots.agent.safety.obstacle_sources import LaserSource
+from robots.agent.safety.ramp import ZERO
 from robots.api.geometry import Pose2D
 from robots.api.messages import Action, AssistLevel, Laser, Point, Pose, Velocity
 

@@ -7,10 +7,10 @@ import numpy as np
 from msgspec import Struct, msgpack
 
 from robots.agent import framing
-from robots.agent.autonomy.perception import Body, Perception, Thought
-from robots.agent.world.sensing import Beams
+from robots.agent.autonomy.sensor_snapshot import Body, Perception, Thought
 from robots.api.geometry import Pose2D
 from robots.api.messages import Dock, FloorPlanUpdate, Follow, Goto, Pose, Relocalize, Undock, Velocity
+from robots.world.sensing import Beams
 
 
 class Word(Struct, frozen=True, tag=True, array_like=True):

@@ -18,8 +18,8 @@ from typing import IO, Literal
 import numpy as np
 import numpy.typing as npt
 
-from robots.agent.adapters.contract import AdapterError
 from robots.agent.devices.words import DeviceWords
+from robots.agent.robot_interface import AdapterError
 
 log = logging.getLogger(__name__)
 

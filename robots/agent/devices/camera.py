@@ -7,10 +7,10 @@ import numpy as np
 import numpy.typing as npt
 from av.video.reformatter import ColorRange, VideoReformatter
 
-from robots.agent.adapters.contract import Frame
 from robots.agent.devices.newest import Newest
 from robots.agent.devices.reader import Reader
 from robots.agent.devices.words import DeviceWords
+from robots.agent.robot_interface import Frame
 
 LARGEST = (1280, 960)  # pixels: more is scaled down at once, because no stream of ours is larger
 

@@ -16,8 +16,8 @@ from typing import Any, Literal
 
 import av
 
-from robots.agent.adapters.contract import AdapterError
 from robots.agent.devices.words import DeviceWords
+from robots.agent.robot_interface import AdapterError
 
 log = logging.getLogger(__name__)
 

@@ -6,7 +6,7 @@ command line says holds for everybody of whom the server says nothing. Without a
 
 from dataclasses import dataclass
 
-from robots.agent.permissions import Sender, mismatch, role_of
+from robots.agent.safety.permissions import Sender, mismatch, role_of
 from robots.api.messages import UNCONDITIONAL, Action, Cancel, Config, Lease, NetworkLab, VelocityCommand
 
 # These pass at once, whatever the network is: nobody is to wait for a robot to stop.

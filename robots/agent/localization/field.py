@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from robots.agent.world.grid import MapError, OccupancyGrid
-from robots.agent.world.sensing import Floats
 from robots.api.geometry import Pose2D
+from robots.world.grid import MapError, OccupancyGrid
+from robots.world.sensing import Floats
 
 Bools = npt.NDArray[np.bool_]
 STEPS = 80  # of a ray; most end after a dozen

@@ -16,7 +16,7 @@ from robots.agent.localization.field import Field
 from robots.agent.localization.particle_filter import wrapped
 from robots.agent.localization.scan_matching import Matching, refine
 from robots.agent.localization.sensor_model import LikelihoodField, SensorModel, Sweep, agreement, likelihood_field
-from robots.agent.world.sensing import Floats
+from robots.world.sensing import Floats
 
 
 @dataclass(frozen=True)

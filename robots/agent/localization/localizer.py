@@ -23,9 +23,9 @@ from robots.agent.localization.particle_filter import Cloud, Cluster, Sampling, 
 from robots.agent.localization.scan_matching import Matching, refine
 from robots.agent.localization.score import Scoring, decay, quality, way_of
 from robots.agent.localization.sensor_model import Agreement, SensorModel, Sweep, agreement, likelihood_field, sweep_of
-from robots.agent.world.grid import OccupancyGrid
-from robots.agent.world.sensing import CENTRE, Beams, Covariance, Estimate, Floats
 from robots.api.geometry import Pose2D, wrap_angle
+from robots.world.grid import OccupancyGrid
+from robots.world.sensing import CENTRE, Beams, Covariance, Estimate, Floats
 
 NOWHERE: Covariance = (1e4, 0.0, 0.0, 1e4, 0.0, 10.0)  # variances of somebody who knows nothing
 FLOOR = np.diag([0.02**2, 0.02**2, 0.01**2])  # what cells of five centimetres leave open however much the guesses agree

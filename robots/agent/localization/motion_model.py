@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.agent.world.sensing import Floats
 from robots.api.geometry import Pose2D
+from robots.world.sensing import Floats
 
 
 @dataclass(frozen=True)

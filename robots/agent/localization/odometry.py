@@ -8,8 +8,8 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
-from robots.agent.world.sensing import CENTRE
 from robots.api.geometry import Pose2D, wrap_angle
+from robots.world.sensing import CENTRE
 
 KEPT = 200  # readings: 10 s at 20 Hz
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from robots.agent.world.sensing import Floats
+from robots.world.sensing import Floats
 
 NORMAL_99 = 2.326  # upper quantile of the normal distribution at 0.99
 

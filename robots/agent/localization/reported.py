@@ -2,9 +2,9 @@
 
 import math
 
-from robots.agent.world.sensing import Beams, Estimate
 from robots.api.geometry import Pose2D
 from robots.api.messages import Pose
+from robots.world.sensing import Beams, Estimate
 
 
 class ReportedLocalizer:

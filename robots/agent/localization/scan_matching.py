@@ -11,7 +11,7 @@ import numpy as np
 
 from robots.agent.localization.field import Field
 from robots.agent.localization.sensor_model import placed
-from robots.agent.world.sensing import Floats
+from robots.world.sensing import Floats
 
 SETTLED = 1e-3  # metres, or radians: no further round
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robots.agent.localization.field import Field
-from robots.agent.world.sensing import Beams, Floats
+from robots.world.sensing import Beams, Floats
 
 HIDDEN = 0.8  # how much of a beam that falls short is left out of the account
 THROUGH = 3.0  # how many that fit weigh as much as one that went through a wall

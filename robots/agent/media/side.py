@@ -15,24 +15,24 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from robots.agent.adapters.contract import FROM_PAGE, AudioSource, Frame, FromPage, Outputs, VideoSource
 from robots.agent.lab.timed import TimedLine
-from robots.agent.media import aiortc_hooks
-from robots.agent.media.camera import CameraFeed
-from robots.agent.media.capture import CaptureState
-from robots.agent.media.connections import Connections
-from robots.agent.media.encoder import Picture
-from robots.agent.media.frame_gate import Heard
-from robots.agent.media.microphone import MicrophoneFeed
-from robots.agent.media.outputs import OutputFeed
-from robots.agent.media.page_sources import PageCamera, PageMicrophone
-from robots.agent.media.relays import Relays
-from robots.agent.media.rtp import RtpClock
-from robots.agent.media.sdp import Kind
-from robots.agent.media.slow_pictures import SlowPictures
-from robots.agent.media.telemetry import for_page
-from robots.agent.media.viewer import Viewer
-from robots.agent.media.visitor import VisitorMedia
+from robots.agent.media.capture.camera import CameraFeed
+from robots.agent.media.capture.capture import CaptureState
+from robots.agent.media.capture.microphone import MicrophoneFeed
+from robots.agent.media.capture.outputs import OutputFeed
+from robots.agent.media.capture.page_sources import PageCamera, PageMicrophone
+from robots.agent.media.codecs.encoder import Picture
+from robots.agent.media.jpeg_fallback.stills import SlowPictures
+from robots.agent.media.peers.connections import Connections
+from robots.agent.media.peers.viewer import Viewer
+from robots.agent.media.peers.visitor import VisitorMedia
+from robots.agent.media.webrtc import aiortc_hooks
+from robots.agent.media.webrtc.packet_gate import Heard
+from robots.agent.media.webrtc.relays import Relays
+from robots.agent.media.webrtc.rtp import RtpClock
+from robots.agent.media.webrtc.sdp import Kind
+from robots.agent.media.webrtc.telemetry import for_page
+from robots.agent.robot_interface import FROM_PAGE, AudioSource, Frame, FromPage, Outputs, VideoSource
 from robots.api.codec import encode_frame
 from robots.api.messages import CameraStatus, Heartbeat, LabReport, Message, NetworkLab, PictureRequest, Pointer, Role, Signal, SignalReply
 

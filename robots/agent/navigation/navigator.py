@@ -9,24 +9,24 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robots.agent.motion import ZERO
-from robots.agent.navigation.braking import BrakeCheck, Hazards
-from robots.agent.navigation.costmap import CostMap, NoWayError
-from robots.agent.navigation.docking import Docking, Undocking
-from robots.agent.navigation.journey import Journey
-from robots.agent.navigation.obstacles import sees
-from robots.agent.navigation.passers import Passers
-from robots.agent.navigation.path import resampled
-from robots.agent.navigation.planner import Planner
-from robots.agent.navigation.steps import Sense, Step, failed
-from robots.agent.navigation.surroundings import Surroundings, moved
+from robots.agent.navigation.assistance.braking import BrakeCheck, Hazards
+from robots.agent.navigation.docking.approach import Docking, Undocking
+from robots.agent.navigation.obstacles.dynamic import Passers
+from robots.agent.navigation.obstacles.local_map import Surroundings, moved
+from robots.agent.navigation.obstacles.memory import sees
+from robots.agent.navigation.planning.costmap import CostMap, NoWayError
+from robots.agent.navigation.planning.journey import Journey
+from robots.agent.navigation.planning.path import resampled
+from robots.agent.navigation.planning.planner import Planner
+from robots.agent.navigation.planning.steps import Sense, Step, failed
 from robots.agent.navigation.wheels import WheelWatch
 from robots.agent.navigation.whereabouts import Whereabouts
-from robots.agent.world.grid import OccupancyGrid
-from robots.agent.world.sensing import Beams, Estimate, Floats
+from robots.agent.safety.ramp import ZERO
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D
 from robots.api.messages import Limits, Velocity
+from robots.world.grid import OccupancyGrid
+from robots.world.sensing import Beams, Estimate, Floats
 
 BLIND, BLIND_FOR_GOOD = 0.5, 2.5  # age of the newest sweep with which the robot stops, and gives up: seconds
 LOST_FOR_GOOD = 4.0  # seconds

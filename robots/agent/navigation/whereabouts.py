@@ -3,8 +3,8 @@
 from collections import deque
 from dataclasses import dataclass, field
 
-from robots.agent.world.sensing import CENTRE, Estimate
 from robots.api.geometry import Pose2D, wrap_angle
+from robots.world.sensing import CENTRE, Estimate
 
 KEPT = 60  # odometry readings
 

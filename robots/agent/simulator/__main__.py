@@ -18,11 +18,11 @@ from typing import Any
 
 from msgspec import structs
 
-from robots.agent.simulator.camera_thread import Renderer
+from robots.agent.simulator.physics.simulation import Simulation, StartError
 from robots.agent.simulator.profiles import MODELS, RobotModel, UnknownProfileError, model_of
+from robots.agent.simulator.render.thread import Renderer
 from robots.agent.simulator.server import Server
-from robots.agent.simulator.simulation import Simulation, StartError
-from robots.agent.world.sites import SiteError, load_plan
+from robots.world.sites import SiteError, load_plan
 
 MOST_PEOPLE = 12
 MOST_FPS = 60.0
@@ -130,7 +130,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
 
     def renderer() -> Renderer:
-        from robots.agent.simulator.camera import SceneCamera  # noqa: PLC0415 -- textures take long; nothing waits for them
+        from robots.agent.simulator.render.camera import SceneCamera  # noqa: PLC0415 -- textures take long; nothing waits for them
 
         return SceneCamera(model, plan, seed=words.seed)
 

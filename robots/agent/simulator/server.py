@@ -18,12 +18,12 @@ import numpy as np
 
 from robots.agent import framing
 from robots.agent.simulator import wire
-from robots.agent.simulator.camera_thread import CameraThread, Renderer
-from robots.agent.simulator.drive import STILL, Motion
-from robots.agent.simulator.frames import FrameWriter
 from robots.agent.simulator.microphone import Microphone
-from robots.agent.simulator.playback import Playback
-from robots.agent.simulator.simulation import Simulation, StartError
+from robots.agent.simulator.physics.drive import STILL, Motion
+from robots.agent.simulator.physics.realtime import Playback
+from robots.agent.simulator.physics.simulation import Simulation, StartError
+from robots.agent.simulator.render.frame_ring import FrameWriter
+from robots.agent.simulator.render.thread import CameraThread, Renderer
 from robots.api.geometry import Pose2D, wrap_angle
 
 STATE_PERIOD = 0.02

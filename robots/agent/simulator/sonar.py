@@ -5,9 +5,9 @@ import math
 import numpy as np
 
 from robots.agent.simulator.profiles import SonarModel
-from robots.agent.world.raycaster import cast
-from robots.agent.world.solids import Floats
 from robots.api.geometry import Pose2D
+from robots.world.raycaster import cast
+from robots.world.solids import Floats
 
 RAYS = 13
 

@@ -7,7 +7,7 @@ from django.core.management.base import BaseCommand, CommandError
 from django.utils import timezone
 
 from accounts import audit
-from robots.enrolment import HOURS, make_token
+from robots.enrol.tokens import HOURS, make_token
 from robots.models import Robot
 
 

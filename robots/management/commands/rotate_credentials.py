@@ -7,7 +7,7 @@ from django.core.management.base import BaseCommand, CommandError
 from django.utils import timezone
 
 from accounts import audit
-from robots.credentials import ask_for_renewal
+from robots.enrol.credentials import ask_for_renewal
 from robots.models import Robot
 
 

@@ -10,7 +10,7 @@ from django.core.management.base import BaseCommand, CommandError
 from robots import log_ids
 from robots.agent.agent import agent_of, run_until_signalled
 from robots.agent.config import ENVIRONMENT, ConfigError, add_arguments
-from robots.agent.robot_check import check_robot, say_line
+from robots.agent.control.robot_check import check_robot, say_line
 
 
 class Command(BaseCommand):

@@ -9,7 +9,7 @@ from django.utils import timezone
 
 from accounts import audit
 from robots.models import Robot
-from sessions.api_keys import make_key
+from sessions.api.keys import make_key
 from sessions.models import ApiKey
 
 

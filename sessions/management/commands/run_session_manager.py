@@ -9,9 +9,9 @@ from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError
 
 from robots.bridge.broker_address import BadAddress
-from robots.credentials import server_credentials
+from robots.enrol.credentials import server_credentials
 from robots.interpreter import set_up_for_latency
-from sessions.session_manager import RecorderDied, SessionManager
+from sessions.manager.service import RecorderDied, SessionManager
 
 
 class Command(BaseCommand):

@@ -31,7 +31,7 @@
  * @property {boolean} fresh start again without a session when the remembered one is over
  * @property {RTCIceServer[]} iceServers
  * @property {{linear: number | null, angular: number | null, frameAge: number | null}} limits of the lease
- * @property {any} terms what somebody has fixed for the visit: sessions/wire.py GrantedTerms; null for nothing
+ * @property {any} terms what somebody has fixed for the visit: sessions/protocol.py GrantedTerms; null for nothing
  * @property {number} attempt how many links in a row have failed
  * @property {number} place in the queue, 1 is next
  * @property {number} minutes estimated until the turn
@@ -84,7 +84,7 @@ export const newVisit = () => ({
 /** s after a press on "drive" in which a turn that comes needs no other: whoever leaves a robot has it for a moment longer than they see. */
 const STILL_PRESSED = 5;
 
-/** Close codes after which connecting again is pointless: sessions/wire.py. */
+/** Close codes after which connecting again is pointless: sessions/protocol.py. */
 const FINAL = new Map([
   [4401, "signed_out"],
   [4403, "not_allowed"],

@@ -7,8 +7,8 @@ from typing import Any
 from django.core.management.base import BaseCommand, CommandError
 from django.utils import timezone
 
-from telepresence_site.backing_up.archive import BackupError
-from telepresence_site.backing_up.whole import back_up
+from telepresence_site.ops.backup.archive import BackupError
+from telepresence_site.ops.backup.whole import back_up
 
 
 class Command(BaseCommand):

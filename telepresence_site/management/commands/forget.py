@@ -8,7 +8,7 @@ from django.core.management.base import BaseCommand
 from django.utils import timezone
 
 from sessions import system_log
-from telepresence_site.retention import forget_all
+from telepresence_site.ops.retention import forget_all
 
 
 class Command(BaseCommand):

@@ -6,7 +6,7 @@ from django.core.management.base import BaseCommand, CommandError
 
 from robots.processes import interrupted_by_signals
 from telepresence_site.demo.children import StartFailed
-from telepresence_site.rehearsing.play import PlayFailed, carry_out
+from telepresence_site.rehearsal.play import PlayFailed, carry_out
 
 
 class Command(BaseCommand):

@@ -9,16 +9,16 @@ from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError
 from django.utils import timezone
 
-from experiments import rehearsed
 from experiments.bots.endings import Ending
-from experiments.definition import Study as Definition
+from experiments.definition import rehearsed
+from experiments.definition.problems import problems
+from experiments.definition.rehearsal import ConditionReport, Report
+from experiments.definition.schema import Study as Definition
 from experiments.models import Study
-from experiments.problems import problems
-from experiments.rehearsal import ConditionReport, Report
 from robots.processes import interrupted_by_signals
-from telepresence_site.rehearsing import sandbox
-from telepresence_site.rehearsing.play import Orders, PlayFailed, play
-from telepresence_site.rehearsing.room import sandbox_folder
+from telepresence_site.rehearsal import sandbox
+from telepresence_site.rehearsal.play import Orders, PlayFailed, play
+from telepresence_site.rehearsal.room import sandbox_folder
 
 ASIDE = (Ending.SKIPS_PHOTO, Ending.REFUSES, Ending.LEAVES_AT_DOCK, Ending.COMES_AGAIN)
 

@@ -6,8 +6,8 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError
 
-from telepresence_site.backing_up.archive import BackupError
-from telepresence_site.backing_up.whole import restore
+from telepresence_site.ops.backup.archive import BackupError
+from telepresence_site.ops.backup.whole import restore
 
 
 class Command(BaseCommand):

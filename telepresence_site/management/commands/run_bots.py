@@ -13,10 +13,10 @@ from django.core.management.base import BaseCommand, CommandError
 from experiments.bots.endings import Ending, draw, in_turn
 from experiments.bots.persona import EffectError, effect
 from experiments.models import Study
-from experiments.named_study import study_named
+from experiments.participation.study_lookup import study_named
 from robots.processes import ended_by_signals, interrupted_by_signals
-from telepresence_site.rehearsing.play import Orders, PlayFailed, crowd_of, play
-from telepresence_site.rehearsing.room import sandbox_folder
+from telepresence_site.rehearsal.play import Orders, PlayFailed, crowd_of, play
+from telepresence_site.rehearsal.room import sandbox_folder
 
 FASTEST = 50.0
 

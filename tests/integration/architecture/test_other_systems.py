@@ -213,7 +213,7 @@ def test_what_is_guarded_or_everywhere_is_let_through(source):
 
 def test_the_control_loop_is_one_that_watches_foreign_sockets_on_windows_too():
     """asyncio.run would give Windows a loop that cannot, and the broker's client brings a socket of its own."""
-    calls = [node for node in ast.walk(ast.parse((ROOT / "robots/agent/control.py").read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
+    calls = [node for node in ast.walk(ast.parse((ROOT / "robots/agent/control/loop.py").read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
     loops = [keyword.value for call in calls if dotted(call.func) == "asyncio.Runner" for keyword in call.keywords if keyword.arg == "loop_factory"]
     assert [dotted(loop) for loop in loops] == ["asyncio.SelectorEventLoop"]
     assert not [call for call in calls if dotted(call.func) == "asyncio.run"]
@@ -229,6 +229,6 @@ def test_the_agent_is_imported_without_a_module_that_windows_lacks():
     blocked = sorted(
         POSIX_MODULES - {"posix", "crypt", "spwd", "pwd", "grp", "tty"}
     )  # the standard library itself asks for these when they are there
-    code = f"import sys; sys.modules.update(dict.fromkeys({blocked!r})); import robots.agent.agent, robots.agent.adapters.simulator, robots.agent.adapters.moos"
+    code = f"import sys; sys.modules.update(dict.fromkeys({blocked!r})); import robots.agent.agent, robots.agent.adapters.simulator.adapter, robots.agent.adapters.moos.adapter"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=240, check=False)
     assert done.returncode == 0, done.stderr

@@ -9,7 +9,7 @@ from django.test import Client
 from playwright.sync_api import Page, expect
 
 from robots.models import Robot
-from sessions import wire
+from sessions import protocol
 from tests.integration.browser.test_replay import made
 from tests.support import participants as p
 from tests.support.fake_robot_page import FakeRobotPage
@@ -165,7 +165,7 @@ def test_the_drive_page_with_a_task(browser):
         found = faults(page, "task")
         site.tell(
             "session/task",
-            wire.Task(session=site.session, stamp=0.0, cue="photo_turn_left", number=4, x=8.1, y=2.2, passed=(1, 2, 3, 4), window="open"),
+            protocol.Task(session=site.session, stamp=0.0, cue="photo_turn_left", number=4, x=8.1, y=2.2, passed=(1, 2, 3, 4), window="open"),
         )
         expect(page.get_by_role("region", name="Photo")).to_be_visible(timeout=PATIENCE)
         found += faults(page, "photo")

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 from playwright.sync_api import Page, expect
 
-from experiments.shipped import shipped
+from experiments.definition.shipped import shipped
 from tests.support.newcomer import Finger, Keys, Newcomer
 from tests.support.site import Site, running_site, wait_for
 

@@ -10,17 +10,16 @@ from django.contrib.auth.models import Permission
 from django.core.files.uploadedfile import SimpleUploadedFile
 from django.urls import reverse
 
-from experiments import publishing
-from experiments.definition import to_json
+from experiments.definition import publishing
+from experiments.definition.schema import to_json
+from experiments.definition.shipped import shipped
 from experiments.models import Kind, Participant, Rehearsal, Study, StudyMember
-from experiments.shipped import shipped
 from surveys.models import Questionnaire
+from tests.integration.experiments.definition.test_publishing import NOW, WHY
 from tests.support.html_page import faults, read
 from tests.support.people import person
 from tests.support.studies import STUDY, small_study
 from tests.support.study_site import cabin_with_giraff
-
-from .test_publishing import NOW, WHY
 
 pytestmark = pytest.mark.django_db
 LIST, ADD = "admin:experiments_study_changelist", "admin:experiments_study_add"

@@ -7,11 +7,11 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from experiments.analysis.folder import read
+from experiments.analysis.dataset.folder import read
 from experiments.analysis.report import reports
-from experiments.choice import Choice
-from experiments.dataset_of import dataset_of
-from experiments.export_files import export_files
+from experiments.dataset.build import dataset_of
+from experiments.dataset.selection import Choice
+from experiments.export.files import export_files
 from tests.support.study_dataset import made_up
 from tests.support.study_rows import put
 

@@ -8,18 +8,18 @@ from hypothesis import strategies as st
 from experiments.bots.driver import Driver, Guide
 from experiments.bots.steering import Speed
 from experiments.bots.view import View
-from experiments.course import Track, lay_out
-from experiments.engine import TaskEngine
-from experiments.records import FirstFrame, Seen, seen
-from experiments.shipped import shipped
-from robots.agent.simulator.drive import STILL
+from experiments.definition.course import Track, lay_out
+from experiments.definition.shipped import shipped
+from experiments.tasks.engine import TaskEngine
+from experiments.tasks.records import FirstFrame, Seen, seen
+from robots.agent.simulator.physics.drive import STILL
+from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import GIRAFF
-from robots.agent.simulator.simulation import Simulation
-from robots.agent.world.sites import load_plan
 from robots.api.docked import DOCKED, DockReading, DockState, follow
 from robots.api.geometry import Pose2D
 from robots.api.messages import AppliedCommand, Battery, Pose, State, Velocity
-from sessions.wire import Task
+from robots.world.sites import load_plan
+from sessions.protocol import Task
 from tests.support.task_drives import BACK, HOME, THERE, Drive, cues, run, told, track
 
 T = DOCKED.seconds

@@ -8,15 +8,15 @@ import pytest
 from django.core import mail
 
 from accounts.models import User
-from experiments.live import now_in
 from experiments.models import Drive, StudyMember
-from experiments.records import FirstFrame
-from experiments.settling import settle
+from experiments.research.live import now_in
+from experiments.tasks.finalization import settle
+from experiments.tasks.records import FirstFrame
 from robots.models import Robot
-from sessions import turns
+from sessions.leases import store
+from sessions.leases.transitions import Link
+from sessions.manager.scheduler import Timekeeper
 from sessions.models import Session, SessionEvent
-from sessions.timekeeper import Timekeeper
-from sessions.timekeeping import Link
 from tests.support import participants as p
 from tests.support.docked_robot import report_in_dock
 from tests.support.studies import small_study
@@ -55,15 +55,15 @@ def stands_away(robot: Robot) -> None:
     stands(robot, docked=False, chargerContact=False, pose={"x": 1.5, "y": 2.0, "theta": 0.0})
 
 
-def ask(robot: Robot, user: User, at: datetime.datetime) -> turns.Taken:
-    return turns.take(Robot.objects.get(pk=robot.pk), user, f"peer-{user.username}", now=at)
+def ask(robot: Robot, user: User, at: datetime.datetime) -> store.Taken:
+    return store.take(Robot.objects.get(pk=robot.pk), user, f"peer-{user.username}", now=at)
 
 
 def looks(keeper: Timekeeper, *seconds: float) -> list[tuple[str, str]]:
     """Let a session manager look at these times; return what pages were told, as (type, text)."""
     for second in seconds:
         for session in Session.objects.filter(state="waiting"):
-            turns.seen({str(session.pk)}, later(second))
+            store.seen({str(session.pk)}, later(second))
         keeper.look({"giraff": Link(since=0.0, heard_at=later(second).timestamp())}, Link(since=0.0), later(second))
     told = [msgspec.json.decode(letter.payload) for letter in keeper.outbox if "session" in letter.topic]
     keeper.outbox.clear()
@@ -97,7 +97,7 @@ def newcomer(study: Any, name: str) -> User:
 def test_a_participant_waits_and_is_told_why(robot, study, changes, reason):
     stands(robot, **changes)
     taken = ask(robot, newcomer(study, "ada"), NOW)
-    assert isinstance(taken, turns.Queued)
+    assert isinstance(taken, store.Queued)
     assert (taken.place, taken.reason) == (1, f"start: {reason}")
     assert not Drive.objects.exists()
 
@@ -105,10 +105,10 @@ def test_a_participant_waits_and_is_told_why(robot, study, changes, reason):
 def test_the_second_participant_does_not_begin_where_the_first_ended_whoever_restarts_in_between(robot, study):
     first = begin(robot, "ada", study)
     stands_away(robot)
-    turns.end(str(first.session_id), "cancelled", "left", NOW)
+    store.end(str(first.session_id), "cancelled", "left", NOW)
     ben = newcomer(study, "ben")
     taken = ask(robot, ben, NOW)
-    assert isinstance(taken, turns.Queued)
+    assert isinstance(taken, store.Queued)
 
     told = looks(Timekeeper(), 0.5, 1.0, 3.0)
     assert ("queue", "start: not_docked") in told
@@ -119,7 +119,7 @@ def test_the_second_participant_does_not_begin_where_the_first_ended_whoever_res
     assert "it is not docked" in mail.outbox[0].body
     looks(Timekeeper(), 61.0, 70.0, 80.0)  # and a third one
     assert len(mail.outbox) == 1
-    assert isinstance(ask(robot, ben, later(81.0)), turns.Queued), "nor does a page that is loaded again begin"
+    assert isinstance(ask(robot, ben, later(81.0)), store.Queued), "nor does a page that is loaded again begin"
     assert now_in(study.slug, "en", later(81.0))["robots"][0]["unready"] == "it is not docked"
 
     stands(robot)  # somebody has put it back
@@ -127,7 +127,7 @@ def test_the_second_participant_does_not_begin_where_the_first_ended_whoever_res
     assert "granted" in [kind for kind, _ in told]
     assert noted(taken.session)[-2:] == ["offered", "robot_ready"]
     granted = ask(robot, ben, later(83.0))
-    assert isinstance(granted, turns.Granted)
+    assert isinstance(granted, store.Granted)
     assert Drive.objects.get(session=granted.session).assigned["start"]["charge"] == 0.3
 
 
@@ -136,13 +136,13 @@ def test_the_same_happens_a_second_time(robot, study):
         at = later(1000.0 * number)
         stands_away(robot)
         user = newcomer(study, name)
-        assert isinstance(ask(robot, user, at), turns.Queued)
+        assert isinstance(ask(robot, user, at), store.Queued)
         looks(Timekeeper(), 1000.0 * number + 1.0)
         stands(robot)
         looks(Timekeeper(), 1000.0 * number + 2.0)
         granted = ask(robot, user, later(1000.0 * number + 3.0))
-        assert isinstance(granted, turns.Granted)
-        turns.end(granted.session, "cancelled", "left", later(1000.0 * number + 4.0))
+        assert isinstance(granted, store.Granted)
+        store.end(granted.session, "cancelled", "left", later(1000.0 * number + 4.0))
 
 
 def test_a_robot_that_is_carried_away_while_it_is_offered_is_offered_again_when_it_is_back(robot, study):
@@ -157,11 +157,11 @@ def test_a_robot_that_is_carried_away_while_it_is_offered_is_offered_again_when_
     stands_away(robot)
     looks(keeper, 3.0)
     assert Session.objects.get(pk=waiting.session).offered_at is None
-    assert isinstance(ask(robot, ada, later(4.0)), turns.Queued)
+    assert isinstance(ask(robot, ada, later(4.0)), store.Queued)
     looks(keeper, 60.0, 120.0)
     assert Session.objects.get(pk=waiting.session).state == "waiting"
     stands(robot)
-    assert isinstance(ask(robot, ada, later(121.0)), turns.Granted)
+    assert isinstance(ask(robot, ada, later(121.0)), store.Granted)
 
 
 def test_an_operator_passes_who_waits_and_drives_the_robot_home(robot, study):
@@ -170,14 +170,14 @@ def test_an_operator_passes_who_waits_and_drives_the_robot_home(robot, study):
     other = User.objects.create(username="other")
     waiting = ask(robot, ada, NOW)
     looks(Timekeeper(), 1.0)
-    assert isinstance(ask(robot, other, later(2.0)), turns.Queued), "who does not operate it waits behind"
+    assert isinstance(ask(robot, other, later(2.0)), store.Queued), "who does not operate it waits behind"
     driven = ask(robot, staff, later(3.0))
-    assert isinstance(driven, turns.Granted)
+    assert isinstance(driven, store.Granted)
     stands(robot)
-    turns.end(driven.session, "completed", "left", later(30.0))
+    store.end(driven.session, "completed", "left", later(30.0))
     looks(Timekeeper(), 31.0)
     assert Session.objects.get(pk=waiting.session).offered_at is not None
-    assert isinstance(ask(robot, ada, later(32.0)), turns.Granted)
+    assert isinstance(ask(robot, ada, later(32.0)), store.Granted)
 
 
 def test_a_robot_that_goes_home_by_itself_is_sent_there_and_nobody_is_called(robot, study):
@@ -191,7 +191,7 @@ def test_a_robot_that_goes_home_by_itself_is_sent_there_and_nobody_is_called(rob
 
 def test_who_drives_for_themselves_need_not_begin_at_the_station(robot, study):
     stands_away(robot)
-    assert isinstance(ask(robot, User.objects.create(username="stranger"), NOW), turns.Granted)
+    assert isinstance(ask(robot, User.objects.create(username="stranger"), NOW), store.Granted)
 
 
 def test_the_record_keeps_what_a_drive_began_from_and_ended_with(robot):

@@ -17,15 +17,15 @@ from django.core.management import CommandError, call_command
 from django.db import connection
 from mcap.reader import make_reader
 
-from experiments.analysis.columns import STATES
-from experiments.analysis.dataset import Dataset
-from experiments.analysis.folder import read
-from experiments.choice import Choice
-from experiments.export_files import SUMS, export_files
-from experiments.export_zip import unpacked, zipped
+from experiments.analysis.dataset.columns import STATES
+from experiments.analysis.dataset.folder import read
+from experiments.analysis.dataset.records import Dataset
+from experiments.dataset.pseudonyms import Pseudonyms
+from experiments.dataset.selection import Choice
+from experiments.definition.shipped import shipped
+from experiments.export.archive import unpacked, zipped
+from experiments.export.files import SUMS, export_files
 from experiments.models import Participant
-from experiments.pseudonyms import Pseudonyms
-from experiments.shipped import shipped
 from sessions.models import SessionEvent, Snapshot, StateChunk
 from surveys.definition import Words
 from surveys.models import Answer

@@ -13,15 +13,15 @@ from django.conf import settings
 from django.db import connection, transaction
 from django.utils import timezone
 
-from experiments import completion, participation
-from experiments.definition import Consent, Form, Instructions, Practice, Questionnaire, Task
-from experiments.journey import Place
+from experiments.definition.schema import Consent, Form, Instructions, Practice, Questionnaire, Task
 from experiments.models import ConsentReceipt, Drive, StepVisit, Study
-from experiments.records import FirstFrame
-from experiments.runner import PATIENCE, Runner
-from experiments.settling import settle
+from experiments.participation import completion, progress
+from experiments.participation.journey import Place
+from experiments.tasks.finalization import settle
+from experiments.tasks.records import FirstFrame
+from experiments.tasks.runner import PATIENCE, Runner
 from robots.models import Robot
-from sessions import turns
+from sessions.leases import store as turns
 from sessions.models import Session
 from surveys.models import Answer, Response
 from surveys.questionnaires import store
@@ -62,7 +62,7 @@ def walker() -> Walker:
 
 
 def brought(walker: Walker, place: Place) -> Walker:
-    while participation.place(walker.participant) != place:
+    while progress.place(walker.participant) != place:
         walker.do()
     walker.look()
     return walker
@@ -125,7 +125,7 @@ def requests_at(walker: Walker, place: Place) -> Callable[[], None]:
         case Consent() | Instructions():
             return lambda: walker.client.post(walker.url(), answers) and None
         case Form() | Questionnaire():
-            return lambda: answer_all(walker) if participation.place(walker.participant) == place else None
+            return lambda: answer_all(walker) if progress.place(walker.participant) == place else None
     return lambda: None
 
 
@@ -133,7 +133,7 @@ def counted(walker: Walker) -> dict[str, object]:
     """Everything that must be there once."""
     visits = StepVisit.objects.order_by("began_at")
     return {
-        "place": participation.place(walker.participant).word,
+        "place": progress.place(walker.participant).word,
         "status": walker.participant.status,
         "visits": [(visit.visit, visit.round, visit.step, visit.finished_at is not None) for visit in visits],
         "receipts": ConsentReceipt.objects.count(),
@@ -172,7 +172,7 @@ def test_every_step_that_is_cut_off_anywhere_and_asked_for_again_comes_out_as_if
     for slug in ("ict", "experience"):
         store(defined([item("single", "a"), item("likert", "b")], slug=slug), timezone.now())
     for place in PLACES[:-1]:
-        assert participation.place(walker.participant) == place
+        assert progress.place(walker.participant) == place
         walker.drive() if is_driven(walker) else walker.look()
         ask = requests_at(walker, place)
         with transaction.atomic():
@@ -209,7 +209,7 @@ def test_a_drive_whose_network_stays_away_is_lost_once_and_its_late_states_are_k
     turns.end(str(drive.session_id), "connection_lost", "visitor_silent", moment(at))
     over(runner, drive, moved=True)
     page = walker.look()
-    assert participation.place(walker.participant) == following(place), page.text
+    assert progress.place(walker.participant) == following(place), page.text
     before = counted(walker)
     write(drive, records)  # with those that the robot had kept for itself
     settle(close(drive, at=at), timezone.now())
@@ -228,7 +228,7 @@ def test_a_network_that_is_cut_before_anything_moved_leaves_the_step_to_be_tried
     over(runner, drive, moved=False)
     settle(close(drive, at=timezone.now().timestamp()), timezone.now())
     assert "Try again" in walker.look().text
-    assert participation.place(walker.participant) == place
+    assert progress.place(walker.participant) == place
     Robot.objects.update(turnaround="ready")
     second, _runner, _more = driving(walker)
     assert (second.pk != drive.pk, second.number) == (True, drive.number + 1)
@@ -250,7 +250,7 @@ def test_the_time_limit_of_a_drive_ends_it_once_and_leads_on_with_its_outcome(wa
     over(runner, drive, moved=True)
     for client in (walker.client, walker.browser()):
         walker.look(client)
-    assert participation.place(walker.participant) == following(place)
+    assert progress.place(walker.participant) == following(place)
     write(drive, records)
     settle(close(drive, at=limit), timezone.now())
     assert Drive.objects.get(pk=drive.pk).outcome == outcome
@@ -271,7 +271,7 @@ def test_a_drive_without_a_picture_ends_with_its_turn_and_may_be_tried_again(wal
     assert (session.outcome, session.outcome_reason) == ("timed_out", "no_picture")
     over(runner, drive, moved=False)
     assert "Try again" in walker.look().text
-    assert participation.place(walker.participant) == place
+    assert progress.place(walker.participant) == place
 
 
 @pytest.mark.parametrize("place", READ, ids=lambda place: place.step)
@@ -288,7 +288,7 @@ def test_who_reads_until_their_log_in_is_over_goes_on_where_they_were(walker, pl
     assert counted(walker) == before
     if place != PLACES[-1]:
         walker.do()
-        assert participation.place(walker.participant) == following(place)
+        assert progress.place(walker.participant) == following(place)
 
 
 @pytest.mark.parametrize("place", PLACES, ids=lambda place: place.step)
@@ -303,7 +303,7 @@ def test_a_study_whose_hours_end_and_that_closes_keeps_everybody_where_they_are(
     walker.send(go="without") if place in DRIVEN else walker.do() if place != PLACES[-1] else None
     walker.look()
     expected = place if place == PLACES[-1] else following(place)
-    assert participation.place(walker.participant) == expected
+    assert progress.place(walker.participant) == expected
 
 
 def driving(walker: Walker) -> tuple[Drive, Runner, list]:

@@ -13,7 +13,9 @@ from django.utils import timezone
 from experiments.models import Drive, Participant, TaskEvent
 from robots.api import codec, messages
 from robots.models import Robot
-from sessions import relay, turns, wire
+from sessions import protocol
+from sessions.consumers import relay
+from sessions.leases import store
 from sessions.models import Session
 from tests.support import participants as p
 from tests.support.people import person
@@ -63,20 +65,20 @@ def participant():
 
 @sync_to_async
 def take(participant: Participant) -> str:
-    granted = turns.take(Robot.objects.get(), participant.user, "peer-ada", now=timezone.now())
-    assert isinstance(granted, turns.Granted)
+    granted = store.take(Robot.objects.get(), participant.user, "peer-ada", now=timezone.now())
+    assert isinstance(granted, store.Granted)
     return granted.session
 
 
 async def say_first_frame(port: int, session: str) -> None:
     """As a web process passes on what a page said."""
-    event = wire.PageEvent(stamp=timezone.now().timestamp(), type="first_frame")
-    report = wire.PageReport(suffix="page/event", session=session, message=msgspec.Raw(codec.encode(event)))
+    event = protocol.PageEvent(stamp=timezone.now().timestamp(), type="first_frame")
+    report = protocol.PageReport(suffix="page/event", session=session, message=msgspec.Raw(codec.encode(event)))
     async with aiomqtt.Client(HOST, port) as client:
-        await client.publish(wire.page_reports(session), codec.encode(report), 1)
+        await client.publish(protocol.page_reports(session), codec.encode(report), 1)
 
 
-async def listen(port: int, session: str, frames: list[wire.Task], ready: asyncio.Event) -> None:
+async def listen(port: int, session: str, frames: list[protocol.Task], ready: asyncio.Event) -> None:
     """Keep what the page is shown."""
     async with aiomqtt.Client(HOST, port) as client:
         await client.subscribe(f"telepresence/v1/server/session/{session}", 1)
@@ -92,7 +94,7 @@ def stored(session: str) -> list[str]:
 
 
 async def test_a_task_goes_on_over_the_death_of_the_session_manager_and_nothing_is_lost(broker, participant):
-    frames: list[wire.Task] = []
+    frames: list[protocol.Task] = []
     async with Touring("giraff", broker.url) as robot:
         with ManagerProcess(broker.url) as first:
             await first.connected()

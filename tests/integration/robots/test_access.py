@@ -7,7 +7,7 @@ from django.contrib.auth.models import AnonymousUser, Permission
 from robots import access
 from robots.access import has_a_robot, may_drive, may_manage, may_observe, may_operate, robots_visible_to
 from robots.models import Robot, RobotPermit
-from sessions.wire import Refused
+from sessions.protocol import Refused
 
 pytestmark = pytest.mark.django_db
 Kind, Access = RobotPermit.Kind, Robot.Access

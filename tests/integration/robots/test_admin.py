@@ -13,10 +13,10 @@ from django.contrib.auth.models import Permission
 from django.core.files.uploadedfile import SimpleUploadedFile
 from django.utils import timezone
 
-from robots.agent.world.sites import SHIPPED
-from robots.credentials import robot_of
+from robots.enrol.credentials import robot_of
 from robots.floorplans import MAX_PLAN, store_floor_plan
 from robots.models import FloorPlan, Robot, RobotPermit
+from robots.world.sites import SHIPPED
 from sessions.models import Lease, Session
 
 pytestmark = pytest.mark.django_db

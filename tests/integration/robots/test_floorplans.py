@@ -7,12 +7,12 @@ import json
 import numpy as np
 import pytest
 
-from robots.agent.world.grid import encode_png
-from robots.agent.world.sites import SHIPPED
 from robots.api import floorplan
 from robots.api.codec import decode, encode
 from robots.floorplans import FloorPlanRefusedError, read_upload, store_floor_plan
 from robots.models import FloorPlan
+from robots.world.grid import encode_png
+from robots.world.sites import SHIPPED
 
 pytestmark = pytest.mark.django_db
 OFFICE = SHIPPED / "office"

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from django.core.management import CommandError, call_command
 
+from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import GIRAFF
-from robots.agent.simulator.simulation import Simulation
-from robots.agent.world.grid import encode_png, read_grey
-from robots.agent.world.sites import SHIPPED, load_site
 from robots.models import FloorPlan
+from robots.world.grid import encode_png, read_grey
+from robots.world.sites import SHIPPED, load_site
 
 pytestmark = pytest.mark.django_db
 

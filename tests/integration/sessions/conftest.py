@@ -3,7 +3,7 @@
 import msgspec
 import pytest
 
-from robots import mqtt_bridge
+from robots.bridge import bridge as mqtt_bridge
 from tests.support import words
 from tests.support.memory_bridge import MemoryBridge
 

@@ -16,7 +16,8 @@ from django.utils import timezone
 from accounts.models import AuditEntry, User
 from robots.api import codec, messages
 from robots.models import Robot
-from sessions import system_log, turns
+from sessions import system_log
+from sessions.leases import store
 from sessions.models import Lease, ManagerBeat, NetworkSample, Session, SessionEvent, Snapshot, StateChunk, SystemLog
 
 pytestmark = pytest.mark.django_db
@@ -170,7 +171,7 @@ def test_several_sessions_download_in_one_file_and_none_is_an_empty_list(client,
 
 
 def test_the_operator_stops_a_live_session(client, researcher, giraff):
-    taken = turns.take(giraff, User.objects.create(username="ben"), "peer", now=timezone.now())
+    taken = store.take(giraff, User.objects.create(username="ben"), "peer", now=timezone.now())
     page = client.get(f"{LIST}{taken.session}/change/").content.decode()
     assert "Stop this session now" in page
     answer = client.post(f"{LIST}{taken.session}/stop/", follow=True)
@@ -185,13 +186,13 @@ def test_the_operator_stops_a_live_session(client, researcher, giraff):
 
 
 def test_stopping_from_the_list_counts_only_live_ones(client, researcher, giraff, session):
-    taken = turns.take(giraff, User.objects.create(username="ben"), "peer", now=timezone.now())
+    taken = store.take(giraff, User.objects.create(username="ben"), "peer", now=timezone.now())
     answer = client.post(LIST, {"action": "stop_sessions", "_selected_action": [taken.session, str(session.pk)]}, follow=True)
     assert "One session was stopped." in answer.content.decode()
 
 
 def test_who_may_only_look_can_neither_stop_nor_change_nor_delete(client, assistant, giraff):
-    taken = turns.take(giraff, User.objects.create(username="ben"), "peer", now=timezone.now())
+    taken = store.take(giraff, User.objects.create(username="ben"), "peer", now=timezone.now())
     assert "stop_sessions" not in client.get(LIST).content.decode()
     assert client.post(f"{LIST}{taken.session}/stop/").status_code == 403
     client.post(LIST, {"action": "stop_sessions", "_selected_action": [taken.session]})
@@ -201,7 +202,7 @@ def test_who_may_only_look_can_neither_stop_nor_change_nor_delete(client, assist
 
 
 def test_a_get_stops_nobody(client, researcher, giraff):
-    taken = turns.take(giraff, User.objects.create(username="ben"), "peer", now=timezone.now())
+    taken = store.take(giraff, User.objects.create(username="ben"), "peer", now=timezone.now())
     assert client.get(f"{LIST}{taken.session}/stop/").status_code == 403
 
 
@@ -210,12 +211,12 @@ def test_a_session_that_is_over_can_be_deleted_with_its_record_and_a_live_one_ca
     assert "2" in page
     assert client.post(f"{LIST}{session.pk}/delete/", {"post": "yes"}).status_code == 302
     assert not StateChunk.objects.exists()
-    taken = turns.take(giraff, User.objects.create(username="ben"), "peer", now=timezone.now())
+    taken = store.take(giraff, User.objects.create(username="ben"), "peer", now=timezone.now())
     assert client.post(f"{LIST}{taken.session}/delete/", {"post": "yes"}).status_code == 403
 
 
 def test_the_lease_names_the_driver_and_hides_the_pages_secret(client, researcher, giraff):
-    turns.take(giraff, User.objects.create(username="ben"), "secret-peer", now=timezone.now())
+    store.take(giraff, User.objects.create(username="ben"), "secret-peer", now=timezone.now())
     listed = client.get("/admin/telepresence_sessions/lease/").content.decode()
     page = client.get(f"/admin/telepresence_sessions/lease/{giraff.pk}/change/").content.decode()
     assert "ben" in listed

@@ -13,7 +13,7 @@ from django.utils import timezone
 
 from robots.api.messages import EStop, Stop
 from robots.models import FloorPlan, Robot
-from sessions.api_keys import key_of
+from sessions.api.keys import key_of
 from sessions.models import ApiKey, Lease, Session, SystemLog
 from tests.support.people import person
 
@@ -99,7 +99,7 @@ def test_there_is_nothing_to_find_of_a_robot_that_does_not_exist(giraff):
 
 @pytest.mark.parametrize("header", ["Bearer x", "Bearer " + "0" * 32 + ".token", "Basic dTpw", "Bearer " + "x" * 500, "nonsense"])
 def test_a_wrong_key_opens_nothing_not_even_what_is_open(giraff, header, monkeypatch):
-    monkeypatch.setattr("sessions.api_views.time.time", lambda: 1e9)  # all within one minute
+    monkeypatch.setattr("sessions.api.views.time.time", lambda: 1e9)  # all within one minute
     for _ in range(20):
         assert Client().get("/api/v1/robots/", headers={"authorization": header}).status_code == 401
     refused = Client().get("/api/v1/robots/", headers={"authorization": header})
@@ -181,7 +181,7 @@ async def test_a_body_that_is_none_is_refused(bridge, giraff, bearer, body):
 
 
 async def test_a_key_acts_thirty_times_a_minute(bridge, giraff, bearer, monkeypatch):
-    monkeypatch.setattr("sessions.api_views.time.time", lambda: 1e9)
+    monkeypatch.setattr("sessions.api.views.time.time", lambda: 1e9)
     assert [(await act("stop", bearer))[0] for _ in range(31)] == [202] * 30 + [429]
 
 
@@ -189,5 +189,5 @@ def test_every_field_and_error_stands_in_the_reference(giraff, bearer):
     reference = (Path(site.BASE_DIR) / "docs/reference/json-api.md").read_text()
     explained = set(re.findall(r"`([A-Za-z_]+)`", reference))
     assert set(Client().get("/api/v1/robots/giraff/", headers=bearer).json()["robot"]) <= explained
-    source = (Path(site.BASE_DIR) / "sessions/api_views.py").read_text()
+    source = (Path(site.BASE_DIR) / "sessions/api/views.py").read_text()
     assert set(re.findall(r'_problem\(\d+, "(\w+)"', source)) <= explained

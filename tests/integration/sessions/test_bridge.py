@@ -11,7 +11,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from robots.api import codec
 from robots.api import messages as m
-from sessions import wire
+from sessions import protocol
 from tests.support import words
 from tests.support.bridge_rig import Portal, Rig, RobotDouble, SocketPage, until
 from tests.support.patience import patient
@@ -35,17 +35,17 @@ def page(site, who, **options):
 
 
 async def drive(page):
-    await page.say("session/take", wire.Take(takeover=True))
+    await page.say("session/take", protocol.Take(takeover=True))
     return await page.expect("session/granted")
 
 
 async def leave(page):
-    await page.say("session/leave", wire.Leave())
+    await page.say("session/leave", protocol.Leave())
     await page.expect("session/ended")
 
 
 async def watch(page):
-    await page.say("session/observe", wire.Observe())
+    await page.say("session/observe", protocol.Observe())
     await page.expect("session/observing")
 
 
@@ -81,12 +81,12 @@ async def test_a_visitor_who_is_not_signed_in_is_told_so_by_the_close_code(site)
     async with SocketPage(site, "nobody") as page:
         with pytest.raises(ConnectionClosed) as closed:
             await page.next()
-    assert closed.value.rcvd.code == wire.SIGNED_OUT
+    assert closed.value.rcvd.code == protocol.SIGNED_OUT
 
 
 async def test_a_large_frame_is_denied_and_a_huge_one_ends_the_connection(site):
     async with page(site, "bob") as bob:
-        await bob.say_frame("signal\n" + " " * wire.MAX_FRAME)
+        await bob.say_frame("signal\n" + " " * protocol.MAX_FRAME)
         assert (await bob.expect("denied")).reason == "oversized"
         await bob.say_frame("x" * 2_000_000)
         await asyncio.wait_for(bob.socket.wait_closed(), patient(10))
@@ -285,9 +285,9 @@ async def test_with_the_session_manager_a_lease_is_renewed_and_the_next_visitor_
             granted = await drive(ada)
             speaking = asyncio.create_task(robot_speaks(robot, granted))
             await until(lambda: [lease.renewal for lease in robot.commands("lease") if lease and lease.epoch == granted.epoch][-1:] > [0])
-            await bob.say("session/take", wire.Take())
+            await bob.say("session/take", protocol.Take())
             queued = await bob.expect("session/queued")
-            await ada.say("session/leave", wire.Leave())
+            await ada.say("session/leave", protocol.Leave())
             await ada.expect("session/ended")
             assert (await bob.expect("session/turn")).session == queued.session
             granted = await drive(bob)
@@ -309,4 +309,4 @@ async def robot_speaks(robot, granted):
 def test_the_web_server_has_said_no_traceback(site):
     for name in ("web", "web-2"):
         assert "Traceback" not in site.log(name)
-    assert codec.MAX_FRAME > wire.MAX_FRAME
+    assert codec.MAX_FRAME > protocol.MAX_FRAME

@@ -9,8 +9,8 @@ from django.contrib.auth.models import AnonymousUser
 
 from accounts.models import User
 from robots.models import Robot, RobotPermit
-from sessions import wire
-from sessions.check_consumer import LONGEST, MOST_ECHOES, CheckConsumer
+from sessions import protocol
+from sessions.consumers.connection_check import LONGEST, MOST_ECHOES, CheckConsumer
 from telepresence_site import asgi
 from tests.support.pages import ORIGIN
 from tests.support.patience import patient
@@ -43,7 +43,7 @@ def test_the_page_speaks_the_visitors_language_and_says_what_it_is_looking_for(c
 
 
 async def opened() -> WebsocketCommunicator:
-    line = WebsocketCommunicator(CheckConsumer.as_asgi(), f"/{wire.CHECK_PATH}")
+    line = WebsocketCommunicator(CheckConsumer.as_asgi(), f"/{protocol.CHECK_PATH}")
     line.scope["user"] = AnonymousUser()
     connected, _ = await line.connect(timeout=patient(5))
     assert connected
@@ -56,7 +56,7 @@ async def test_the_line_says_back_a_few_short_words_to_anybody():
         await line.send_to("?")
         assert await line.receive_from(timeout=patient(5)) == "?"
     await line.send_to("?")
-    assert await line.receive_output(timeout=patient(5)) == {"type": "websocket.close", "code": wire.FLOODED}
+    assert await line.receive_output(timeout=patient(5)) == {"type": "websocket.close", "code": protocol.FLOODED}
     await line.disconnect()
 
 
@@ -64,7 +64,7 @@ async def test_an_address_has_so_many_lines_open(monkeypatch):
     monkeypatch.setattr(asgi.counted, "_limit", 2)
     lines = []
     for address in ("198.51.100.7", "198.51.100.7", "198.51.100.7", "198.51.100.8"):
-        line = WebsocketCommunicator(asgi.application, f"/{wire.CHECK_PATH}", headers=[(b"host", b"127.0.0.1"), (b"origin", ORIGIN.encode())])
+        line = WebsocketCommunicator(asgi.application, f"/{protocol.CHECK_PATH}", headers=[(b"host", b"127.0.0.1"), (b"origin", ORIGIN.encode())])
         line.scope["client"] = (address, 1)
         lines.append((line, (await line.connect(timeout=patient(5)))[0]))
     assert [connected for _, connected in lines] == [True, True, False, True]
@@ -81,7 +81,7 @@ async def test_the_line_says_back_nothing_long():
 
 
 async def test_the_line_ends_by_itself(monkeypatch):
-    monkeypatch.setattr("sessions.check_consumer.SECONDS", 0.05)
+    monkeypatch.setattr("sessions.consumers.connection_check.SECONDS", 0.05)
     line = await opened()
     assert (await line.receive_output(timeout=patient(5)))["type"] == "websocket.close"
     await line.disconnect()

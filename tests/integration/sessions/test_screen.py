@@ -14,7 +14,7 @@ from accounts.models import AuditEntry
 from robots.api import messages as m
 from robots.models import Robot
 from robots.screens import cookie_of, make_screen_key, revoke_screen_key, screen_of
-from sessions import wire
+from sessions import protocol
 from tests.support import words
 from tests.support.pages import ORIGIN, SECONDS, Page, until
 from tests.support.patience import patient
@@ -129,7 +129,7 @@ async def test_without_its_key_nobody_is_a_robots_screen(bridge, robot, key):
     for wrong in ("", "guess"):
         display = Display(wrong)
         await display.open()
-        assert await display.closed() == wire.NOT_ALLOWED
+        assert await display.closed() == protocol.NOT_ALLOWED
 
 
 async def test_a_screen_is_told_who_visits_and_what_they_say(bridge, robot, key):
@@ -139,7 +139,7 @@ async def test_a_screen_is_told_who_visits_and_what_they_say(bridge, robot, key)
         granted = await page.take()
         shown = await display.expect("screen")
         assert (shown.visitor, shown.session, shown.study) == ("Ada", granted.session, False)
-        await watching.say("session/observe", wire.Observe())
+        await watching.say("session/observe", protocol.Observe())
         await watching.expect("session/observing")
         said = m.Words(stamp=1.0, action_id="a1", session=granted.session, by="driver", who="Ada", text="Hello")
         bridge.say("giraff", "words", said)
@@ -169,7 +169,7 @@ async def test_each_side_is_told_where_the_other_points_and_nobody_else_is(bridg
     async with Display(key) as display, Page("giraff", ada) as page, Page("giraff", ada) as watching:
         granted = await page.take()
         await display.expect("screen", lambda shown: shown.visitor == "Ada")
-        await watching.say("session/observe", wire.Observe())
+        await watching.say("session/observe", protocol.Observe())
         await watching.expect("session/observing")
         await page.say("command/point", m.PointCommand(stamp=1.0, at=(0.5, 0.25), role="screen", peer="x"))
         await watching.say("command/point", m.PointCommand(stamp=1.0, at=(0.5, 0.25), session=granted.session, epoch=granted.epoch))
@@ -190,7 +190,7 @@ async def test_each_side_is_told_where_the_other_points_and_nobody_else_is(bridg
             await one.expect("state")
         assert [len(one.told("pointer")) for one in (display, page, watching)] == [1, 1, 0]
         # A page that hears its robot directly has it from there.
-        await page.say("page/direct", wire.Direct(direct=True))
+        await page.say("page/direct", protocol.Direct(direct=True))
         await page.settle(bridge)
         bridge.say("giraff", "pointer", dots["screen"])
         bridge.say("giraff", "words", m.Words(stamp=1.0, action_id="a", session=granted.session, by="screen", text="Here"))
@@ -209,21 +209,21 @@ async def test_a_dot_that_cannot_reach_the_robot_is_dropped_without_a_word(bridg
 
 
 async def test_a_replaced_key_sends_the_display_away(bridge, robot, key, monkeypatch):
-    from sessions import screen_consumer
+    from sessions.consumers import robot_screen
 
-    monkeypatch.setattr(screen_consumer, "WELCOME_EVERY", 0.0)
-    monkeypatch.setattr(screen_consumer, "LOOK_EVERY", 0.05)
+    monkeypatch.setattr(robot_screen, "WELCOME_EVERY", 0.0)
+    monkeypatch.setattr(robot_screen, "LOOK_EVERY", 0.05)
     async with Display(key) as display:
         await display.expect("screen")
         await sync_to_async(revoke_screen_key)(robot)
-        assert await display.closed() == wire.NOT_ALLOWED
+        assert await display.closed() == protocol.NOT_ALLOWED
 
 
 async def test_the_server_speaks_for_a_display_while_its_socket_lives_and_no_longer(bridge, robot, key, monkeypatch):
-    from sessions import screen_consumer
+    from sessions.consumers import robot_screen
 
-    monkeypatch.setattr(screen_consumer, "WELCOME_EVERY", 0.0)
-    monkeypatch.setattr(screen_consumer, "LOOK_EVERY", 0.05)
+    monkeypatch.setattr(robot_screen, "WELCOME_EVERY", 0.0)
+    monkeypatch.setattr(robot_screen, "LOOK_EVERY", 0.05)
     async with Display(key) as display:
         peer = (await display.expect("hello")).peer
         await until(lambda: bridge.commands(f"signal/{peer}").count(m.Stay()) >= 3)

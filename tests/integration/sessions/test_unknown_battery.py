@@ -15,13 +15,13 @@ from django.test import AsyncClient, Client
 from django.utils import timezone
 
 from accounts.models import User
-from experiments.replay import recorded
-from experiments.stored_states import states_of
+from experiments.dataset.states import states_of
+from experiments.research.replay import recorded
 from robots.api import codec, messages
 from robots.cards import Traffic, card
 from robots.models import Robot
+from sessions.leases.readiness import Condition, Turnaround, decide
 from sessions.models import Session, StateChunk
-from sessions.turnaround import Condition, Turnaround, decide
 
 pytestmark = pytest.mark.django_db(transaction=True)
 NOW = datetime.datetime(2026, 3, 1, 12, 0, tzinfo=datetime.UTC)

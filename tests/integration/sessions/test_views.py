@@ -9,7 +9,7 @@ from django.test import AsyncClient
 from django.urls import reverse
 from django.utils import timezone
 
-from robots import mqtt_bridge
+from robots.bridge import bridge as mqtt_bridge
 from robots.models import FloorPlan, Robot, RobotPermit
 from sessions import views
 from sessions.models import Session, Snapshot

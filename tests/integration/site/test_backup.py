@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from django.conf import settings as site
 
-from telepresence_site.backing_up import archive
-from telepresence_site.backing_up.archive import BackupError
+from telepresence_site.ops.backup import archive
+from telepresence_site.ops.backup.archive import BackupError
 from tests.support.clerk import Clerk
 from tests.support.postgres import running_postgres
 
@@ -168,7 +168,7 @@ def test_a_failed_backup_leaves_nothing_behind(tmp_path):
 
 
 def test_one_of_newer_code_or_of_another_engine_is_refused(monkeypatch):
-    from telepresence_site.backing_up.whole import _fits
+    from telepresence_site.ops.backup.whole import _fits
 
     manifest = {"engine": "sqlite", "migrations": ["robots.9999_of_tomorrow"], "files": {}, "key": ""}
     with pytest.raises(BackupError, match="newer code"):

@@ -12,8 +12,8 @@ import pytest
 from django.conf import settings as site
 
 from robots.broker.mosquitto import Tls, configuration
-from telepresence_site.asgi_limits import MAX_BODY
 from telepresence_site.serving import APPLICATION, DAPHNE
+from telepresence_site.web.asgi_limits import MAX_BODY
 from tests.support.server import certificate, program
 
 ROOT = Path(site.BASE_DIR)
@@ -242,7 +242,7 @@ def test_mosquittos_file_has_the_bounds_of_our_own(tmp_path):
 
 
 def test_proxies_and_site_agree_on_what_a_hashed_name_is():
-    from telepresence_site.static_files import HashedModules
+    from telepresence_site.web.static_files import HashedModules
 
     name = HashedModules(location=str(ROOT / "static")).hashed_name("css/_global.css")
     for file in ("Caddyfile", "nginx.conf"):

@@ -22,14 +22,14 @@ for thread in threads: thread.join()
 """
 READ = {
     "a study": (
-        "import json; from experiments.definition import from_stored; kept = json.load(open('experiments/definitions/exploration.json'))",
+        "import json; from experiments.definition.schema import from_stored; kept = json.load(open('experiments/definitions/exploration.json'))",
         "from_stored(kept)",
     ),
     "a questionnaire": (
         "import json; from surveys.definition import from_stored; kept = json.load(open('surveys/definitions/experience.json'))",
         "from_stored(kept)",
     ),
-    "the terms of a visit": ("import msgspec; from sessions.terms import Terms", "msgspec.convert({'control_network': {'seed': 1}}, Terms)"),
+    "the terms of a visit": ("import msgspec; from sessions.leases.terms import Terms", "msgspec.convert({'control_network': {'seed': 1}}, Terms)"),
     "a message": ("from robots.api import codec", "codec.decode('command/heartbeat', '{\"n\": 1, \"stamp\": 1.0}')"),
 }
 

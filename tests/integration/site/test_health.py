@@ -9,11 +9,11 @@ from django.db import OperationalError
 from django.test import AsyncClient
 from django.utils import timezone
 
-from robots import mqtt_bridge
 from robots.api import disk_space
-from sessions.manager_beat import NAME, beat
+from robots.bridge import bridge as mqtt_bridge
+from sessions.manager.leadership import NAME, beat
 from sessions.models import ManagerBeat
-from telepresence_site.health import BEHIND, manager_state
+from telepresence_site.ops.health import BEHIND, manager_state
 from tests.support.memory_bridge import MemoryBridge
 
 pytestmark = pytest.mark.django_db(transaction=True)

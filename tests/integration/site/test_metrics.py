@@ -5,9 +5,9 @@ from django.test import AsyncClient, Client
 from django.utils import timezone
 from prometheus_client.parser import text_string_to_metric_families
 
-from robots import mqtt_bridge
+from robots.bridge import bridge as mqtt_bridge
 from robots.models import Robot
-from sessions.manager_beat import NAME
+from sessions.manager.leadership import NAME
 from sessions.models import Lease, ManagerBeat, Session
 from tests.support.memory_bridge import MemoryBridge
 from tests.support.people import person

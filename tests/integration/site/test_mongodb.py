@@ -24,9 +24,9 @@ from django.utils import timezone
 from accounts.models import User
 from robots.models import FloorPlan, Robot
 from sessions import turns
-from sessions.manager_beat import beat
+from sessions.manager.leadership import beat
 from sessions.models import Session, StateChunk
-from telepresence_site.metrics import _of_the_site
+from telepresence_site.ops.metrics import _of_the_site
 call_command("migrate", verbosity=0)
 try:
     now = timezone.now()

@@ -12,13 +12,13 @@ from django.core import mail
 from django.test import Client
 from django.utils import timezone
 
-from robots import mqtt_bridge
-from robots.credentials import make_credentials, server_credentials
+from robots.bridge import bridge as mqtt_bridge
+from robots.enrol.credentials import make_credentials, server_credentials
 from robots.ice import turn_credentials
 from robots.models import Robot
-from sessions import wire
+from sessions import protocol
 from telepresence_site.asgi import application  # sets logging up once more, before the scribe comes
-from telepresence_site.log_lines import JsonLine
+from telepresence_site.ops.log_lines import JsonLine
 from telepresence_site.settings import LOGGING
 from tests.support import words
 from tests.support.broker_rig import BrokerRig
@@ -77,7 +77,7 @@ async def ask(path, cookies=(), **headers):
 
 async def drive(ada):
     async with Page("giraff", ada) as page:
-        await page.say("session/take", wire.Take())
+        await page.say("session/take", protocol.Take())
         granted = await page.expect("session/granted")
         await page.say("command/velocity", words.velocity(session=granted.session, epoch=granted.epoch))
     return [server.credential for server in granted.ice_servers if server.credential]

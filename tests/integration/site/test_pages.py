@@ -205,7 +205,7 @@ def test_an_error_is_a_page_that_says_what_to_do(address, code, words):
 @pytest.mark.parametrize("language", ["en", "es"])
 @pytest.mark.parametrize("name", ["400.html", "403.html", "403_csrf.html", "404.html", "429.html", "500.html"])
 def test_an_error_page_needs_no_context_no_database_and_no_collected_files(name, language, settings, django_assert_num_queries):
-    settings.STORAGES = settings.STORAGES | {"staticfiles": {"BACKEND": "telepresence_site.static_files.HashedModules"}}
+    settings.STORAGES = settings.STORAGES | {"staticfiles": {"BACKEND": "telepresence_site.web.static_files.HashedModules"}}
     with translation.override(language), django_assert_num_queries(0):
         page = Page()
         page.feed(render_to_string(name))

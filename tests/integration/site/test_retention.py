@@ -12,9 +12,10 @@ from django.utils import timezone
 
 from accounts import audit
 from accounts.models import AuditEntry
-from experiments import links, own_data, report_files
+from experiments.dataset.pseudonyms import Pseudonyms
+from experiments.export import reports
 from experiments.models import ConsentReceipt, Participant, Study, StudyMember
-from experiments.pseudonyms import Pseudonyms
+from experiments.participation import links, own_data
 from robots.models import Robot, RobotPermit
 from sessions import system_log
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, SystemLog
@@ -129,8 +130,8 @@ def everything_of(user, robot: Robot) -> Participant:
     context = Context(key=f"study/{one.pk}/1.0.q", return_to="/about/")
     answer = begin(asked, Respondent(user=user), context, language="en", seed=1, now=now)
     answer.answers.create(item="q1", value="secret answer of mine", language="en", text_version="", position=0, first_at=now, answered_at=now)
-    report_files.home(study).mkdir(parents=True)
-    (report_files.home(study) / "table.json").write_text("zaphod")
+    reports.home(study).mkdir(parents=True)
+    (reports.home(study) / "table.json").write_text("zaphod")
     return one
 
 
@@ -160,7 +161,7 @@ def test_nothing_is_left_of_whoever_deletes_their_account_or_is_deleted(robot, b
     assert traces(MARKS) == []
     left = [trace for trace in traces((str(key), key.hex)) if not trace.startswith("AuditEntry")]
     assert left == []
-    assert not report_files.home(one.study).exists()
+    assert not reports.home(one.study).exists()
     shell = Participant.objects.get(pk=one.pk)
     assert (shell.status, shell.user, shell.age, shell.recruitment) == ("withdrawn", None, None, {})
     assert AuditEntry.objects.filter(act="withdrawn", person=key).exists()

@@ -13,8 +13,8 @@ from django.test import Client
 from django.urls import get_resolver, reverse
 from django.utils import timezone
 
-from experiments import links
 from experiments.models import ConsentReceipt, Rehearsal, Study, StudyMember
+from experiments.participation import links
 from robots.models import FloorPlan, Robot
 from sessions.models import ApiKey, Lease, ManagerBeat, Snapshot, SystemLog
 from surveys.questionnaires import store

@@ -11,7 +11,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from robots.api import codec, topics
-from sessions import wire
+from sessions import protocol
 from tests.support import words
 from tests.support.pages import decode
 from tests.support.patience import patient
@@ -90,10 +90,10 @@ async def test_two_visitors_on_two_processes_share_one_robot(server):
         async with Tab(server, "ada") as ada, Tab(server, "bob") as bob:
             assert [server.figure(web, 'telepresence_websockets{kind="drive"}') for web in WEB] == [1, 1], "each process serves one of them"
 
-            await ada.say("session/take", wire.Take())
+            await ada.say("session/take", protocol.Take())
             driving = await ada.expect("session/granted")
             await until(lambda: robot.session == driving.session, "the robot hears of its driver")
-            await bob.say("session/observe", wire.Observe())
+            await bob.say("session/observe", protocol.Observe())
             await bob.expect("state", lambda state: state.session == driving.session)
             await bob.expect("room", lambda room: room.driver == "ada" and room.driving)
 
@@ -103,11 +103,11 @@ async def test_two_visitors_on_two_processes_share_one_robot(server):
             await bob.say("command/velocity", words.velocity(seq=2, stamp=time.time()))
             assert (await bob.expect("denied")).suffix == "command/velocity"
 
-            await bob.say("session/take", wire.Take())
+            await bob.say("session/take", protocol.Take())
             assert (await bob.expect("session/queued")).place == 1
-            await ada.say("session/leave", wire.Leave())
+            await ada.say("session/leave", protocol.Leave())
             await bob.expect("session/turn")
-            await bob.say("session/take", wire.Take())
+            await bob.say("session/take", protocol.Take())
             second = await bob.expect("session/granted")
             assert second.epoch > driving.epoch
             await until(lambda: robot.session == second.session, "the robot hears of its next driver")
@@ -119,13 +119,13 @@ async def test_two_visitors_on_two_processes_share_one_robot(server):
             with pytest.raises((ConnectionClosed, TimeoutError)):
                 await bob.expect("never")
             await bob.open()
-            await bob.say("session/take", wire.Take(session=second.session, peer=second.peer))
+            await bob.say("session/take", protocol.Take(session=second.session, peer=second.peer))
             again = await bob.expect("session/granted")
             assert (again.session, again.epoch, again.resumed) == (second.session, second.epoch, True)
             count = len(robot.driven)
             await bob.say("command/velocity", words.velocity(seq=7, stamp=time.time()))
             await until(lambda: len(robot.driven) > count, "the command arrives by the other process")
-            await bob.say("session/leave", wire.Leave())
+            await bob.say("session/leave", protocol.Leave())
             await bob.expect("session/ended")
     states = server.site.django("from sessions.models import StateChunk; print(sum(chunk.count for chunk in StateChunk.objects.all()))")
     assert int(states) > 0

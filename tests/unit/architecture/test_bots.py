@@ -8,7 +8,7 @@ from tests.support.paths import ROOT
 BOTS = sorted((ROOT / "experiments" / "bots").rglob("*.py"))
 OURS = {"telepresence_site", "experiments", "surveys", "sessions", "accounts", "robots", "tests", "django", "channels"}
 # The words on the wire, which pages have too, and the bots' own modules.
-ALLOWED = ("experiments.bots", "robots.api", "sessions.wire")
+ALLOWED = ("experiments.bots", "robots.api", "sessions.protocol")
 # What makes time go faster tells Django's clock, in the processes of a sandbox; it is no bot.
 CLOCKS = ROOT / "experiments" / "bots" / "fast_time" / "sitecustomize.py"
 
@@ -32,6 +32,6 @@ def test_bots_import_no_models_and_nothing_else_of_the_servers_inside():
 
 
 def test_the_words_on_the_wire_bring_no_models_with_them():
-    for name in ("sessions/wire.py", *(f"robots/api/{path.name}" for path in (ROOT / "robots" / "api").glob("*.py"))):
+    for name in ("sessions/protocol.py", *(f"robots/api/{path.name}" for path in (ROOT / "robots" / "api").glob("*.py"))):
         inside = {module for module in imports(ROOT / name) if module.split(".")[0] in OURS}
-        assert all(module.startswith(("robots.api", "sessions.wire")) for module in inside), f"{name} imports {inside}"
+        assert all(module.startswith(("robots.api", "sessions.protocol")) for module in inside), f"{name} imports {inside}"

@@ -4,7 +4,7 @@ import html
 import re
 import typing
 
-from sessions import wire
+from sessions import protocol
 from tests.support.paths import ROOT
 
 SECTION = (ROOT / "docs/explanation/safety.md").read_text(encoding="utf-8").partition("## If a part fails")[2]
@@ -20,7 +20,7 @@ def test_every_part_that_a_page_can_be_told_of_has_its_row():
         "disk_full": "disk",
         "robot": "agent",
     }
-    assert set(named) == set(typing.get_args(typing.get_type_hints(wire.Fault)["part"]))
+    assert set(named) == set(typing.get_args(typing.get_type_hints(protocol.Fault)["part"]))
     firsts = " ".join(row[0] for row in ROWS)
     assert [name for name in named.values() if name not in firsts] == []
 

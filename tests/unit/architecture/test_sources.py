@@ -74,5 +74,5 @@ def test_broad_excepts_stand_only_where_a_loop_must_outlive_everything():
             reraises = broad and any(isinstance(inner, ast.Raise) and inner.exc is None for inner in ast.walk(node))
             if broad and not reraises:
                 found.add(relative)
-    control_loop = {"robots/agent/adapter_link.py", "robots/agent/pilot.py"}
-    assert found <= {"robots/agent/agent.py", "sessions/session_manager.py"} | control_loop
+    control_loop = {"robots/agent/control/supervised_adapter.py", "robots/agent/control/dispatcher.py"}
+    assert found <= {"robots/agent/agent.py", "sessions/manager/service.py"} | control_loop

@@ -7,8 +7,8 @@ import aiomqtt
 import pytest
 
 from robots.bridge.broker_address import MAX_INFLIGHT
-from sessions.session_manager import TOGETHER, SessionManager
-from sessions.timekeeper import Letter, Timekeeper
+from sessions.manager.scheduler import Letter, Timekeeper
+from sessions.manager.service import TOGETHER, SessionManager
 
 
 class Broker:

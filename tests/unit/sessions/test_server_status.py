@@ -4,7 +4,7 @@ import pytest
 
 from robots.api import messages as m
 from robots.bridge.known import KnownRobot
-from sessions import relay
+from sessions.consumers import relay
 
 LEASE = m.Lease(session="s1", epoch=3, peer="p1", who="Ada", renewal=1, stamp=1.0, ttl=10.0)
 

@@ -1,6 +1,6 @@
 """What a page that hears its robot directly is spared."""
 
-from sessions.relay import Sparing
+from sessions.consumers.relay import Sparing
 
 EVERYTHING = ("state", "pose", "scan", "path", "event", "action", "heartbeat")
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from telepresence_site.asgi_limits import CONNECTS_AT_ONCE, BodyLimit, ConnectLimit, OpenLimit, SameOrigin, address_of, is_same, user_of
+from telepresence_site.web.asgi_limits import CONNECTS_AT_ONCE, BodyLimit, ConnectLimit, OpenLimit, SameOrigin, address_of, is_same, user_of
 
 
 async def sends(limit: int, parts: list[bytes], headers: tuple = ()) -> tuple[list[dict], int]:

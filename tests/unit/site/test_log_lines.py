@@ -9,10 +9,10 @@ import threading
 import pytest
 
 from robots import log_ids
-from telepresence_site.log_lines import JsonLine, KeyValueLine, fields_of, known_secrets
+from telepresence_site.ops.log_lines import JsonLine, KeyValueLine, fields_of, known_secrets
 
 
-def record(message, *arguments, name="robots.mqtt_bridge", level=logging.INFO, **extra):
+def record(message, *arguments, name="robots.bridge.bridge", level=logging.INFO, **extra):
     made = logging.getLogger(name).makeRecord(name, level, "f", 1, message, arguments, None)
     made.__dict__.update(extra)
     return made
@@ -52,7 +52,7 @@ def test_an_event_with_fields_is_read_from_its_template():
     ("Listening on %s", ("x",)), ("Not an event", ()), ("half_event a=%s b", ("x",)), ("it=%d", (1,)), ("too_many a=%s=%s", ("x", "y")),
 ])  # fmt: skip
 def test_what_others_say_is_one_message(message, arguments):
-    assert fields_of(record(message, *arguments)) == ("mqtt_bridge", {"message": message % arguments})
+    assert fields_of(record(message, *arguments)) == ("bridge", {"message": message % arguments})
 
 
 def test_both_formats_say_the_same():

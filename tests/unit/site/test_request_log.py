@@ -6,7 +6,7 @@ import pytest
 from prometheus_client import REGISTRY
 
 from robots import log_ids
-from telepresence_site.request_log import RequestLog, route_of
+from telepresence_site.web.request_log import RequestLog, route_of
 
 
 async def ask(application, path="/about/", headers=(), method="GET", kind="http"):

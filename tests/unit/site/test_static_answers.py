@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from whitenoise import WhiteNoise
 
-from telepresence_site.static_answers import StaticAnswers
+from telepresence_site.web.static_answers import StaticAnswers
 
 SCRIPT = b"export const answer = 42;\n" * 40
 

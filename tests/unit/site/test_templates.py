@@ -13,7 +13,7 @@ TEMPLATES = sorted((ROOT / "templates").rglob("*.html"))
 CATALOGUE = ROOT / "locale" / "es" / "LC_MESSAGES"
 # The pages whose Spanish is complete; the administration speaks to the people who run the site.
 TRANSLATED_PYTHON = [
-    *sorted((ROOT / "accounts").glob("*.py")), *sorted((ROOT / "surveys").glob("*.py")), ROOT / "robots" / "cards.py", ROOT / "telepresence_site" / "pages.py",
+    *sorted((ROOT / "accounts").glob("*.py")), *sorted((ROOT / "surveys").glob("*.py")), ROOT / "robots" / "cards.py", ROOT / "telepresence_site" / "web" / "pages.py",
 ]  # fmt: skip
 TAG = re.compile(r"\{%.*?%\}|\{\{.*?\}\}|\{#.*?#\}", re.DOTALL)
 

@@ -1,8 +1,8 @@
 """How bots come into a study."""
 
 from experiments.bots.endings import Ending
-from experiments.shipped import shipped
-from telepresence_site.rehearsing.play import ways_in
+from experiments.definition.shipped import shipped
+from telepresence_site.rehearsal.play import ways_in
 
 STUDY = shipped()["exploration"]
 

@@ -5,7 +5,7 @@ import time
 import pytest
 
 from robots.api.messages import VelocityCommand
-from sessions import wire
+from sessions import protocol
 from tests.support.drive_page import LOW, UPRIGHT, WIDE, driving, hold, opened, stands, stops, until
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
@@ -221,10 +221,10 @@ async def test_an_offline_robot_is_announced_and_the_page_goes_on_when_it_is_bac
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
         site.online = False
-        site.tell("robot", wire.RobotPresence(online=False))
+        site.tell("robot", protocol.RobotPresence(online=False))
         await page.wait_for_selector("#alert[data-word='alert.robot_offline']")
         site.online = True
-        site.tell("robot", wire.RobotPresence(online=True))
+        site.tell("robot", protocol.RobotPresence(online=True))
         await page.wait_for_selector("#alert[hidden]", state="attached")
         await driving(page)
 

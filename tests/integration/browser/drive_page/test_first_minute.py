@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 from playwright.async_api import Browser, Page
 
-from sessions import wire
+from sessions import protocol
 from tests.support.drive_page import driving, hold, opened, until
 from tests.support.fake_robot_page import PRACTICE, FakeRobotPage
 from tests.support.patience import PRESSED, patient
@@ -26,8 +26,8 @@ async def said_until_shown(page: Page, card: str, say: Callable[[], None]) -> No
         await asyncio.sleep(0.5)
 
 
-def signs(site: FakeRobotPage) -> list[wire.PageEvent]:
-    return [event for event in site.said("page/event") if event.type == wire.HERE]
+def signs(site: FakeRobotPage) -> list[protocol.PageEvent]:
+    return [event for event in site.said("page/event") if event.type == protocol.HERE]
 
 
 async def test_who_is_asked_for_a_sign_gives_one_with_the_button_or_by_any_touch_and_is_asked_no_more(browser, site):
@@ -35,20 +35,20 @@ async def test_who_is_asked_for_a_sign_gives_one_with_the_button_or_by_any_touch
         await driving(page)
         for give in (lambda: page.click("#card-main"), lambda: page.mouse.wheel(0, 1)):
             known = len(signs(site))
-            await said_until_shown(page, "idle", lambda: site.tell("session/idle", wire.Idle(seconds=30.0)))
+            await said_until_shown(page, "idle", lambda: site.tell("session/idle", protocol.Idle(seconds=30.0)))
             assert await page.title() == "Are you still there? · Giraff · Telepresence"
             await give()
             await page.wait_for_selector("#card", state="hidden")
             await until(lambda known=known: len(signs(site)) >= known + 2)  # given again, for the server has not said that it has it
-            site.tell("session/idle", wire.Idle())
+            site.tell("session/idle", protocol.Idle())
         assert "still there" not in await page.title()
 
 
 async def test_who_gave_no_sign_reads_why_the_visit_is_over(browser, site):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
-        await said_until_shown(page, "idle", lambda: site.tell("session/idle", wire.Idle(seconds=30.0)))
-        over = wire.Ended(session=site.session, outcome="timed_out", reason="idle")
+        await said_until_shown(page, "idle", lambda: site.tell("session/idle", protocol.Idle(seconds=30.0)))
+        over = protocol.Ended(session=site.session, outcome="timed_out", reason="idle")
         await said_until_shown(page, "ended.idle", lambda: site.tell("session/ended", over))
 
 

@@ -6,10 +6,10 @@ import time
 import pytest
 from playwright.async_api import Page
 
-from robots.agent.permissions import Sender
-from robots.agent.world.sites import load_plan
+from robots.agent.safety.permissions import Sender
 from robots.api.geometry import wrap_angle
 from robots.api.messages import Stop
+from robots.world.sites import load_plan
 from tests.support.drive_page import UPRIGHT, WIDE, hold, opened, stands, stops
 from tests.support.drive_page import until as until_within
 from tests.support.fake_robot_page import FakeRobotPage

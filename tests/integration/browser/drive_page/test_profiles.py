@@ -8,7 +8,7 @@ import pytest
 import pytest_asyncio
 from playwright.async_api import Page
 
-from sessions import wire
+from sessions import protocol
 from tests.support.drive_page import driving, hold, stops, until
 from tests.support.fake_robot_page import FakeRobotPage
 
@@ -74,7 +74,7 @@ async def test_what_a_visitor_chooses_is_shown_and_kept_what_a_study_has_chosen_
 
 
 async def _in_a_study(page: Page, site: FakeRobotPage) -> None:
-    site.terms = wire.GrantedTerms(interface="expert")
+    site.terms = protocol.GrantedTerms(interface="expert")
     before = len(shown(site))
     await page.click("#card-main")
     await driving(page)

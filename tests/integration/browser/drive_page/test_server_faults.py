@@ -2,7 +2,7 @@
 
 import pytest
 
-from sessions import wire
+from sessions import protocol
 from tests.support.drive_page import driving, hold, opened
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
@@ -18,10 +18,10 @@ async def test_a_part_that_fails_is_named_with_what_follows_until_it_is_back(bro
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
         for _ in range(2):
-            site.faults = (wire.Fault(part=part, then="stops", seconds=9.0),)
+            site.faults = (protocol.Fault(part=part, then="stops", seconds=9.0),)
             text = await alert(page, f"fault.{part}.stops")
             assert text.startswith(f"The server's {name} does not answer. Unless it comes back, the robot stops in ")
-            site.faults = (wire.Fault(part=part, then="stopped"),)
+            site.faults = (protocol.Fault(part=part, then="stopped"),)
             assert "The robot has stopped" in await alert(page, f"fault.{part}.stopped")
             site.faults = ()
             await page.wait_for_selector(f"#alert:not([data-word='fault.{part}.stopped'])", state="attached")
@@ -32,7 +32,7 @@ async def test_a_part_that_fails_is_named_with_what_follows_until_it_is_back(bro
 async def test_a_full_disk_is_said_and_stops_nobody(browser, site):
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
-        site.faults = (wire.Fault(part="disk_full", then="goes_on"),)
+        site.faults = (protocol.Fault(part="disk_full", then="goes_on"),)
         assert "You can drive on" in await alert(page, "fault.disk_full")
         count = len(site.applied)
         await hold(page, "ArrowLeft", lambda: len(site.applied) > count + 3)

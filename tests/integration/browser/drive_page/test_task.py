@@ -7,7 +7,7 @@ from PIL import Image
 from playwright.async_api import Page, expect
 
 from robots.api.messages import Photo
-from sessions import wire
+from sessions import protocol
 from tests.support.drive_page import LOW, UPRIGHT, WIDE, hold, opened
 from tests.support.drive_page import until as until_within
 from tests.support.fake_robot_page import FakeRobotPage
@@ -138,7 +138,7 @@ async def test_after_ten_seconds_the_study_goes_on_by_itself(browser, site):
 
 
 async def test_what_the_study_fixes_is_off_and_says_so_and_the_space_bar_still_stops(browser, site):
-    site.terms = wire.GrantedTerms(controllers=("stick",), actions=("stop", "photo"), assist="off")
+    site.terms = protocol.GrantedTerms(controllers=("stick",), actions=("stop", "photo"), assist="off")
     async with opened(browser, site, query="?go=1") as page:
         await driving(page)
         await expect(page.locator("#assist")).to_be_hidden(timeout=PATIENCE)

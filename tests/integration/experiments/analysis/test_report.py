@@ -10,15 +10,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset import Dataset
-from experiments.analysis.drawing import as_svg
-from experiments.analysis.floor import thinned
-from experiments.analysis.folder import write
-from experiments.analysis.metrics import measure_all
-from experiments.analysis.opinions import figure_8a, figure_8b
-from experiments.analysis.places import figure_6, figure_7
+from experiments.analysis.dataset.folder import write
+from experiments.analysis.dataset.records import Dataset
+from experiments.analysis.figures.drawing import as_svg
+from experiments.analysis.figures.floor import thinned
+from experiments.analysis.figures.opinions import figure_8a, figure_8b
+from experiments.analysis.figures.trajectories import figure_6, figure_7
+from experiments.analysis.metrics.sessions import measure_all
 from experiments.analysis.report import analyse, reports
-from experiments.shipped import shipped
+from experiments.definition.shipped import shipped
 from tests.support.paths import ROOT
 from tests.support.study_dataset import made_up
 
@@ -26,7 +26,7 @@ STUDY = shipped()["exploration"]
 ELSEWHERE = """
 import sys
 from pathlib import Path
-from experiments.analysis.folder import read
+from experiments.analysis.dataset.folder import read
 from experiments.analysis.report import analyse
 analyse(read(Path(sys.argv[1])), Path(sys.argv[2]))
 """

@@ -11,9 +11,9 @@ from experiments.bots.persona import Persona
 from experiments.bots.socket import SocketClosed
 from experiments.bots.steering import STAND, Speed
 from experiments.bots.view import AT_CENTRE
-from robots.agent.world.sites import load_site
 from robots.api.messages import Heartbeat
-from sessions import wire
+from robots.world.sites import load_site
+from sessions import protocol
 from tests.support.patience import patient
 from tests.support.robot_socket import RobotSocket
 
@@ -82,9 +82,9 @@ async def test_a_page_that_lost_its_network_comes_back_as_itself():
 async def test_a_connection_that_the_server_ends_is_told_with_its_code():
     async with RobotSocket() as server:
         cockpit = await at_the_wheel(server)
-        await server.socket.close(wire.REPLACED)
+        await server.socket.close(protocol.REPLACED)
         assert not await cockpit.until(lambda: cockpit.view.ended, patient(5.0))
-        assert cockpit.closed == wire.REPLACED
+        assert cockpit.closed == protocol.REPLACED
         await cockpit.close()
 
 
@@ -93,7 +93,7 @@ async def test_nonsense_from_the_server_is_left_alone():
         cockpit = await at_the_wheel(server)
         for frame in ("state\n{}", "nothing", "what\n{}", b"picture\nshort", "session/task\n[]"):
             await server.socket.send(frame)
-        await server.say("session/task", wire.Task(session="s1", stamp=1.0, cue="leave_station", number=1))
+        await server.say("session/task", protocol.Task(session="s1", stamp=1.0, cue="leave_station", number=1))
         assert await cockpit.until(lambda: cockpit.view.task.cue == "leave_station", patient(5.0))
         await cockpit.close()
 
@@ -113,7 +113,7 @@ def about_to(server, ending):
     return Drive(Browser(server.url), {"socket": "/ws/", "robot": "giraff", "floorplan": "/"}, Persona(0, 1), ending)
 
 
-MIDWAY = wire.Task(session="s1", stamp=1.0, passed=(1, 2))
+MIDWAY = protocol.Task(session="s1", stamp=1.0, passed=(1, 2))
 
 
 async def under_way(drive):
@@ -169,7 +169,7 @@ async def test_who_wants_another_photo_keeps_the_second_one():
         drive = await under_way(about_to(server, Ending.TAKES_PHOTO_AGAIN))
         driver = Driver(load_site("office").plan, Guide(AT_CENTRE, {}), STAND)
         for photo in ("one", "one", "two"):
-            drive.view.task = wire.Task(session="s1", stamp=1.0, cue="photo_review", window="review", photo=photo)
+            drive.view.task = protocol.Task(session="s1", stamp=1.0, cue="photo_review", window="review", photo=photo)
             drive._answer("keep", driver)
         await server.until(lambda: len([one for one in server.all("page/event") if one["type"] == "photo_answer"]) >= 2)
         told = [(one["data"]["id"], one["data"]["choice"]) for one in server.all("page/event") if one["type"] == "photo_answer"]

@@ -11,12 +11,12 @@ import tomllib
 
 import pytest
 
-from robots.agent.adapters.contract import AdapterError
 from robots.agent.agent import VERSION, Agent, factsheet_of, main, new_boot
 from robots.agent.config import AgentConfig, ConfigError
-from robots.agent.equipment import equipment_of
+from robots.agent.control.reports import Reports
+from robots.agent.devices.equipment import equipment_of
 from robots.agent.lab.in_force import Networks
-from robots.agent.reports import Reports
+from robots.agent.robot_interface import AdapterError
 from robots.api import messages as m
 from robots.api import network_words
 from tests.support.agent_server import AgentServer

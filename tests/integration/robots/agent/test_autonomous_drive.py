@@ -5,7 +5,7 @@ import time
 import pytest
 
 from robots.agent.adapters import registry
-from robots.agent.adapters.contract import AdapterError
+from robots.agent.robot_interface import AdapterError
 from robots.api import messages as m
 from tests.support.control_rig import ThreadedControlRig
 from tests.support.patience import patient

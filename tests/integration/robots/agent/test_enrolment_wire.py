@@ -7,9 +7,9 @@ from collections.abc import Iterator
 
 import pytest
 
+from robots.agent.broker_link.broker_discovery import ServerAwayError
+from robots.agent.broker_link.enrolment import enrol, renew
 from robots.agent.config import ConfigError, load
-from robots.agent.enrolment import enrol, renew
-from robots.agent.rendezvous import ServerAwayError
 
 GOOD = {"robot": "giraff", "user": "giraff.1", "token": "fresh"}
 

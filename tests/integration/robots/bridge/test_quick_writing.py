@@ -9,9 +9,9 @@ import socket
 import pytest
 
 from robots.api import messages as m
+from robots.bridge.bridge import Bridge
 from robots.bridge.quick_writing import MOST_WAITING, QuickWriter, writer_of
 from robots.broker.packets import PacketReader
-from robots.mqtt_bridge import Bridge
 from tests.support.mqtt_ear import Ear
 from tests.support.patience import patient
 from tests.support.recorder_rig import running_mosquitto
@@ -80,7 +80,7 @@ def test_a_client_that_is_not_what_it_was_is_left_alone():
 async def test_commands_arrive_in_order_and_behind_what_was_said_before_them(quick, monkeypatch):
     """Fails with `quick` when paho or aiomqtt are not any more what robots/bridge/quick_writing.py takes them for."""
     if not quick:
-        monkeypatch.setattr("robots.mqtt_bridge.writer_of", lambda _: None)
+        monkeypatch.setattr("robots.bridge.bridge.writer_of", lambda _: None)
     with running_mosquitto() as broker, Ear(broker.port) as ear:
         bridge = Bridge(broker.url, ("web", "secret"), random.Random(1))
         assert await bridge.wait_connected(patient(10))

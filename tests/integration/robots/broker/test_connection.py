@@ -21,7 +21,7 @@ from robots.broker.connection import CONNECT_BYTES, PACKETS_A_TURN, Connection
 from robots.broker.embedded import ACCEPTED_A_TURN, EmbeddedBroker
 from robots.broker.permissions import ROBOT_ALLOWANCE, BrokerUser, of_robot, of_server
 from robots.broker.token_bucket import TokenBucket
-from robots.credentials import hash_token
+from robots.enrol.credentials import hash_token
 from tests.support.broker_rig import RawClient, connect_packet, framed
 from tests.support.patience import patient
 from tests.support.server import certificate

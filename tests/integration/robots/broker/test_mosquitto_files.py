@@ -15,7 +15,7 @@ from django.utils import timezone
 
 from robots.api.topics import of
 from robots.broker.mosquitto import find
-from robots.credentials import make_credentials, revoke, server_credentials
+from robots.enrol.credentials import make_credentials, revoke, server_credentials
 from robots.management.commands.mosquitto_files import Files
 from robots.models import Robot
 from tests.support.broker_rig import until_thrown_out

@@ -18,7 +18,7 @@ from django.db import connection
 from django.utils import timezone
 
 from robots.api.topics import of
-from robots.credentials import make_credentials, revoke, server_credentials
+from robots.enrol.credentials import make_credentials, revoke, server_credentials
 from robots.models import Robot
 from tests.support.broker_rig import KINDS, Heard, until_thrown_out
 from tests.support.patience import patient

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from robots.agent.adapters.simulator import create
+from robots.agent.adapters.simulator.adapter import create
 from tests.support.control_rig import ThreadedControlRig
 from tests.support.lateness import pauses, watched
 from tests.support.truth import Onlooker

@@ -7,8 +7,8 @@ import time
 
 import pytest
 
-from robots.agent.motion import ZERO
-from robots.agent.priority import nice, set_nice
+from robots.agent.safety.ramp import ZERO
+from robots.agent.thread_priority import nice, set_nice
 from tests.support.control_rig import ThreadedControlRig
 from tests.support.lateness import watched
 from tests.support.scripted_robot import WATCHDOG

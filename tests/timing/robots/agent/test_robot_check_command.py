@@ -9,7 +9,7 @@ import time
 import pytest
 
 from robots.agent.config import ConfigError
-from robots.agent.robot_check import RobotCheck, check_robot
+from robots.agent.control.robot_check import RobotCheck, check_robot
 from tests.support.paths import ROOT
 from tests.support.patience import patient
 from tests.support.ros1_robot import Ros1Rig

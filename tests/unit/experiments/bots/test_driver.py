@@ -7,18 +7,18 @@ import pytest
 from experiments.bots.driver import Driver, Guide
 from experiments.bots.steering import Speed
 from experiments.bots.view import View
-from experiments.course import lay_out
-from experiments.engine import TaskEngine
-from experiments.records import FirstFrame, PhotoAnswer, PhotoTaken, Seen
-from experiments.shipped import shipped
-from robots.agent.simulator.drive import STILL
+from experiments.definition.course import lay_out
+from experiments.definition.shipped import shipped
+from experiments.tasks.engine import TaskEngine
+from experiments.tasks.records import FirstFrame, PhotoAnswer, PhotoTaken, Seen
+from robots.agent.simulator.physics.drive import STILL
+from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import model_of
-from robots.agent.simulator.simulation import Simulation
-from robots.agent.world.sites import load_site
 from robots.api.docked import DOCKED, DockReading, DockState, follow
 from robots.api.geometry import Pose2D
 from robots.api.messages import Scan
-from sessions.wire import Task
+from robots.world.sites import load_site
+from sessions.protocol import Task
 
 STUDY = shipped()["exploration"]
 DT, THINK, STATE, LOOK = 0.05, 2, 5, 10  # s a step; steps between decisions, states and sweeps

@@ -4,7 +4,7 @@ from itertools import pairwise
 import pytest
 
 from experiments.bots.ways import NoWayError, Ways
-from robots.agent.world.sites import load_site
+from robots.world.sites import load_site
 
 DOCK, OUTSIDE_LAB, LOUNGE = (1.4, 6.2), (2.0, 1.0), (9.6, 4.4)
 

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from robots.agent.motion import ZERO
+from robots.agent.safety.ramp import ZERO
 from robots.api import messages as m
 from tests.support.control_rig import ControlRig, own, staff, stamped
 from tests.support.scripted_robot import NavigatingRobot, still

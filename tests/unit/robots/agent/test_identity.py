@@ -3,8 +3,8 @@
 import random
 
 from robots.agent.agent import Agent
+from robots.agent.broker_link.mqtt import Endpoint, MqttLink
 from robots.agent.config import load
-from robots.agent.mqtt import Endpoint, MqttLink
 from tests.support import words
 
 BOOT = "not hexadecimal"  # so that no random id can hold it by chance

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from robots.agent.adapters.contract import Navigating
-from robots.agent.motion import ZERO
+from robots.agent.robot_interface import Navigating
+from robots.agent.safety.ramp import ZERO
 from robots.api import messages as m
 from robots.api.examples import EXAMPLES
 from robots.api.geometry import Pose2D

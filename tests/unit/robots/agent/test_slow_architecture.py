@@ -5,8 +5,8 @@ import random
 
 import pytest
 
-from robots.agent import adapter_link
-from robots.agent.adapter_link import AdapterLink
+from robots.agent.control import supervised_adapter
+from robots.agent.control.supervised_adapter import AdapterLink
 from tests.support.scripted_robot import ScriptedRobot
 from tests.support.virtual_time import on_virtual_time
 
@@ -33,12 +33,12 @@ class Listener:
 
 @on_virtual_time
 async def test_the_first_reading_may_come_late_and_the_next_may_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(adapter_link, "SILENCE", 0.2)
+    monkeypatch.setattr(supervised_adapter, "SILENCE", 0.2)
     robot, listener = ScriptedRobot(silent=True), Listener()
     link = AdapterLink(robot, rng=random.Random(1))
     running = asyncio.create_task(link.run(listener))
     try:
-        await asyncio.sleep(3 * adapter_link.SILENCE)
+        await asyncio.sleep(3 * supervised_adapter.SILENCE)
         assert (robot.connections, listener.changes) == (1, []), "it is still waited for"
         robot.silent = False
         await asyncio.wait_for(listener.heard.wait(), 10.0)
@@ -56,8 +56,8 @@ async def test_the_first_reading_may_come_late_and_the_next_may_not(monkeypatch:
 
 @on_virtual_time
 async def test_nonsense_from_the_start_is_no_better_than_silence_between_two_readings(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(adapter_link, "SILENCE", 0.1)
-    monkeypatch.setattr(adapter_link, "sound", nonsense)
+    monkeypatch.setattr(supervised_adapter, "SILENCE", 0.1)
+    monkeypatch.setattr(supervised_adapter, "sound", nonsense)
     listener = Listener()
     running = asyncio.create_task(AdapterLink(ScriptedRobot(), rng=random.Random(1)).run(listener))
     try:
@@ -69,4 +69,4 @@ async def test_nonsense_from_the_start_is_no_better_than_silence_between_two_rea
 
 
 def nonsense(_reading: object) -> object:
-    raise adapter_link.UnsoundReadingError("a pose of NaN")
+    raise supervised_adapter.UnsoundReadingError("a pose of NaN")

@@ -3,8 +3,8 @@
 import errno
 from types import SimpleNamespace
 
-from robots.agent.latch import Latch
-from robots.agent.lease import Remembered
+from robots.agent.safety.estop_latch import Latch
+from robots.agent.safety.lease import Remembered
 from robots.agent.store import Store
 from robots.api import disk_space
 from robots.api.disk_space import MIB

@@ -10,7 +10,7 @@ from robots.api import codec, messages, topics
 from robots.api.errors import Rejection
 from robots.api.examples import EXAMPLES, MANAGER_STATUS, SERVER_NEWS
 from robots.api.reference import golden_files
-from sessions import wire
+from sessions import protocol
 from tests.support.paths import GOLDEN
 
 REFUSED = json.loads((GOLDEN / "refused.json").read_text(encoding="utf-8"))
@@ -72,16 +72,16 @@ def test_a_message_that_must_be_refused_is_refused(case):
 @pytest.mark.parametrize(("suffix", "name"), [(suffix, name) for suffix, examples in WIRE["toPage"].items() for name in examples])
 def test_a_word_for_the_page_is_what_the_server_writes(suffix, name):
     golden = WIRE["toPage"][suffix][name]
-    message = msgspec.json.decode(json.dumps(golden), type=wire.TO_PAGE[suffix])
-    assert json.loads(wire.encode_frame(suffix, message).partition("\n")[2]) == golden
+    message = msgspec.json.decode(json.dumps(golden), type=protocol.TO_PAGE[suffix])
+    assert json.loads(protocol.encode_frame(suffix, message).partition("\n")[2]) == golden
 
 
 @pytest.mark.parametrize(("suffix", "name"), [(suffix, name) for suffix, examples in WIRE["toServer"].items() for name in examples])
 def test_a_word_of_the_page_is_what_the_server_reads(suffix, name):
     golden = WIRE["toServer"][suffix][name]
-    assert msgspec.to_builtins(wire.decode(suffix, json.dumps(golden))) == golden
+    assert msgspec.to_builtins(protocol.decode(suffix, json.dumps(golden))) == golden
 
 
 def test_every_word_of_the_websocket_stands_in_the_golden_file():
-    assert set(WIRE["toPage"]) == set(wire.TO_PAGE)
-    assert set(WIRE["toServer"]) == {*wire.TO_SERVER, wire.SIGNAL}
+    assert set(WIRE["toPage"]) == set(protocol.TO_PAGE)
+    assert set(WIRE["toServer"]) == {*protocol.TO_SERVER, protocol.SIGNAL}

@@ -4,14 +4,17 @@ import dataclasses
 
 import pytest
 
-from robots.agent.adapters import autonomy, autonomy_child, remote, simulator
+from robots.agent.adapters.common import remote_adapter
+from robots.agent.adapters.navigation_layer import adapter as autonomy
+from robots.agent.adapters.navigation_layer import child
+from robots.agent.adapters.simulator import adapter as simulator
 from tests.support.patience import patient
 
 SECONDS = (
     (simulator, ("SILENCE",)),
-    (remote, ("SILENCE", "CONNECT_TIME", "FIRST_READING")),
+    (remote_adapter, ("SILENCE", "CONNECT_TIME", "FIRST_READING")),
     (autonomy, ("STUCK", "STUCK_IDLE")),
-    (autonomy_child, ("READY_TIME", "ANSWER_TIME")),
+    (child, ("READY_TIME", "ANSWER_TIME")),
 )  # fmt: skip
 
 
@@ -24,6 +27,6 @@ def patient_adapters(monkeypatch):
     for module, names in SECONDS:
         for name in names:
             monkeypatch.setattr(module, name, patient(getattr(module, name)))
-    gate = remote.GATE
+    gate = remote_adapter.GATE
     slower = {name: patient(getattr(gate, name)) for name in ("patience", "oldest", "freshest", "longest")}
-    monkeypatch.setattr(remote, "GATE", dataclasses.replace(gate, **slower))
+    monkeypatch.setattr(remote_adapter, "GATE", dataclasses.replace(gate, **slower))

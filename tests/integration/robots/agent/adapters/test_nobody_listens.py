@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from robots.agent.motion import ZERO
+from robots.agent.safety.ramp import ZERO
 from robots.api.messages import Velocity
 from tests.integration.robots.agent.adapters.test_whole_agent import agent
 from tests.support.adapter_conformance import drive, wait_for
@@ -67,7 +67,7 @@ async def test_a_base_that_wants_stamped_velocities_gets_them(name):
 @pytest.mark.parametrize(("there", "told", "way_out"), [(STAMPED, "false", "true"), (TWIST, "true", "false")])
 async def test_a_base_that_wants_another_type_than_the_options_say_is_named_with_the_option(name, there, told, way_out):
     with RIGS[name](("/cmd_vel", there)) as rig, pytest.MonkeyPatch.context() as quickly:
-        quickly.setattr("robots.agent.adapters.ros.LISTENERS", 0.3)
+        quickly.setattr("robots.agent.adapters.ros.base.LISTENERS", 0.3)
         async with connected(rig.adapter(stamped=told)) as adapter:
             await complaint(adapter, "nobody listens on /cmd_vel", f"there it is {there}", f"set stamped={way_out}")
         assert driven(rig) == []

@@ -37,7 +37,7 @@ def agent(rca, directory):
 @pytest.mark.parametrize("name", RIGS)
 def test_a_drive_whose_architecture_is_killed_ends_standing_is_said_and_goes_on_when_it_is_back(name, tmp_path, monkeypatch, patient_adapters):
     monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK)
-    monkeypatch.setattr("robots.agent.adapters.remote.FIRST_READING", 1.5)
+    monkeypatch.setattr("robots.agent.adapters.common.remote_adapter.FIRST_READING", 1.5)
     with RIGS[name](tmp_path) as rca, agent(rca, tmp_path) as rig:
         motion = lambda: rca.world.sim.motion.linear  # noqa: E731
         rig.grant()

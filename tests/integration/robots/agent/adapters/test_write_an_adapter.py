@@ -6,8 +6,8 @@ import re
 import pytest
 
 from robots.agent.adapters import registry
-from robots.agent.adapters.contract import AdapterError
-from robots.agent.collision_monitor import monitor_of
+from robots.agent.robot_interface import AdapterError
+from robots.agent.safety.collision_monitor import monitor_of
 from tests.support.paths import ROOT
 from tests.support.rca_conformance import RcaConformance
 from tests.support.rca_world import RcaRig

@@ -36,7 +36,7 @@ exit 0
 """
 SOUNDS = """
     from robots.agent.config import load
-    from robots.agent.equipment import equipment_of
+    from robots.agent.devices.equipment import equipment_of
     from robots.agent.adapters import registry
 
     words = {"robot": "giraff", "mqtt_url": "mqtt://127.0.0.1:1", "microphone": "alsa:default", "loudspeaker": "alsa:default"}
@@ -86,7 +86,7 @@ def test_without_the_products_care_both_would_be_read(tmp_path):
 @pytest.mark.parametrize(
     "command",
     [
-        pytest.param(python("import robots.agent.world.grid, sys; assert 'av' in sys.modules"), id="a plan, as the server reads it"),
+        pytest.param(python("import robots.world.grid, sys; assert 'av' in sys.modules"), id="a plan, as the server reads it"),
         pytest.param(python("import robots.agent.media.side, sys; assert 'aiortc' in sys.modules"), id="aiortc"),
         pytest.param((sys.executable, "manage.py", "check"), id="the site"),
         pytest.param((sys.executable, "manage.py", "run_robot", "--help"), id="run_robot"),

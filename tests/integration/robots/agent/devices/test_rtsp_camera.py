@@ -7,13 +7,13 @@ import time
 
 import pytest
 
-from robots.agent.adapters.contract import AdapterError
 from robots.agent.devices import words
 from robots.agent.devices.camera import DeviceCamera
 from robots.agent.devices.reader import Reader, ReaderLimits
-from robots.agent.media.camera import CameraFeed
-from robots.agent.media.capture import CaptureState
-from robots.agent.media.rtp import RtpClock
+from robots.agent.media.capture.camera import CameraFeed
+from robots.agent.media.capture.capture import CaptureState
+from robots.agent.media.webrtc.rtp import RtpClock
+from robots.agent.robot_interface import AdapterError
 from tests.support.rtsp_server import rtsp_server
 from tests.support.simulators import eventually
 

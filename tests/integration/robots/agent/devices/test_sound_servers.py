@@ -9,13 +9,13 @@ from typing import Self
 import numpy as np
 import pytest
 
-from robots.agent.adapters.contract import AdapterError
 from robots.agent.config import load
 from robots.agent.devices.alsa import BLOCK
-from robots.agent.equipment import equipment_of
-from robots.agent.media.microphone import MicrophoneFeed
-from robots.agent.media.outputs import OutputFeed
-from robots.agent.media.sound import SoundEncoder
+from robots.agent.devices.equipment import equipment_of
+from robots.agent.media.capture.microphone import MicrophoneFeed
+from robots.agent.media.capture.outputs import OutputFeed
+from robots.agent.media.capture.sound import SoundEncoder
+from robots.agent.robot_interface import AdapterError
 from tests.support.scripted_robot import ScriptedRobot
 from tests.support.simulators import eventually
 from tests.support.sound_server import environment_of, is_tone, sine, sound_server, use_environment

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from robots.agent.localization.localizer import Localizer
-from robots.agent.simulator.faults import Faults
+from robots.agent.simulator.physics.faults import Faults
+from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import GIRAFF, RHODON, RobotModel
-from robots.agent.simulator.simulation import Simulation
-from robots.agent.world.grid import MapError, OccupancyGrid
-from robots.agent.world.sensing import Beams, Estimate
-from robots.agent.world.sites import load_site
 from robots.api.geometry import MapTransform, Pose2D, wrap_angle
+from robots.world.grid import MapError, OccupancyGrid
+from robots.world.sensing import Beams, Estimate
+from robots.world.sites import load_site
 from tests.support.drawn_map import beams_from, drawn_map, standing
 from tests.support.wanderer import TICK, Wanderer, Ways
 

@@ -3,9 +3,9 @@
 import pytest
 from aiortc import RTCConfiguration, RTCPeerConnection
 
-from robots.agent.media import signalling
-from robots.agent.media.relays import Relays
-from robots.agent.media.signalling import PageConnection
+from robots.agent.media.webrtc import signalling
+from robots.agent.media.webrtc.relays import Relays
+from robots.agent.media.webrtc.signalling import PageConnection
 from robots.api.messages import IceServer, Offer
 
 DATA_ONLY = RTCConfiguration(iceServers=[])

@@ -9,7 +9,7 @@ import pytest
 from robots.agent.media import MediaSide
 from robots.api import picture
 from robots.api.messages import NetworkLab, PictureRequest, Pose, PoseUpdate, Velocity
-from tests.integration.robots.agent.media.test_slow_pictures import nothing
+from tests.integration.robots.agent.media.jpeg_fallback.test_stills import nothing
 from tests.support.loopback_peer import until
 
 

@@ -9,10 +9,11 @@ from itertools import pairwise
 
 import pytest
 
-from robots.agent.media import MediaSide, signalling
-from robots.agent.media.connections import FLOOD_PAUSE
-from robots.agent.media.frame_gate import MAX_BYTES
-from robots.agent.media.rtp import capture_stamp
+from robots.agent.media import MediaSide
+from robots.agent.media.peers.connections import FLOOD_PAUSE
+from robots.agent.media.webrtc import signalling
+from robots.agent.media.webrtc.packet_gate import MAX_BYTES
+from robots.agent.media.webrtc.rtp import capture_stamp
 from robots.api.codec import encode_frame
 from robots.api.messages import Bye, Candidate, CommandHeartbeat, Echo, Heartbeat, Offer, PointCommand, Pointer, PoseUpdate, Stay, Stop
 from tests.support.loopback_peer import LoopbackPage, until
@@ -231,7 +232,7 @@ async def test_frames_come_with_the_role_that_the_lease_gives(media, exchange, n
 async def test_a_driver_whose_lease_ended_speaks_as_an_observer_from_the_next_frame_on_and_is_sent_away(
     media, exchange, new_page, monkeypatch
 ) -> None:
-    monkeypatch.setattr("robots.agent.media.peers.STAYS_AFTER_DRIVING", 1.0)
+    monkeypatch.setattr("robots.agent.media.peers.registry.STAYS_AFTER_DRIVING", 1.0)
     media.lease_changed("p1")
     page = new_page("p1", decode=False)
     await page.connect("driver")
@@ -257,7 +258,7 @@ async def test_who_watches_is_sent_away_when_the_server_speaks_for_them_no_more(
         for peer in ("p1", "s1"):
             media.signal(peer, Stay())
         await asyncio.sleep(0.2)
-        monkeypatch.setattr("robots.agent.media.peers.STAYS_UNVOUCHED", 5.0)
+        monkeypatch.setattr("robots.agent.media.peers.registry.STAYS_UNVOUCHED", 5.0)
     assert exchange.byes("p2") == ["not_vouched"]
     assert (exchange.byes("p1"), exchange.byes("s1"), media.connected) == ([], [], 1)
 

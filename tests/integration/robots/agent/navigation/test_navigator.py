@@ -6,18 +6,18 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from robots.agent.navigation.costmap import NoWayError
 from robots.agent.navigation.navigator import Navigator
+from robots.agent.navigation.planning.costmap import NoWayError
 from robots.agent.navigation.wheels import IN_VAIN, WheelWatch
 from robots.agent.navigation.whereabouts import Whereabouts
-from robots.agent.simulator.drive import STILL
+from robots.agent.simulator.physics.drive import STILL
+from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import GIRAFF, MODELS, RHODON, RobotModel
-from robots.agent.simulator.simulation import Simulation
-from robots.agent.world.grid import OccupancyGrid
-from robots.agent.world.sensing import CENTRE, Estimate
-from robots.agent.world.sites import load_site
 from robots.api.geometry import Pose2D
 from robots.api.messages import Velocity
+from robots.world.grid import OccupancyGrid
+from robots.world.sensing import CENTRE, Estimate
+from robots.world.sites import load_site
 from tests.support.navigation_rig import Rig
 
 SITE = load_site("office")

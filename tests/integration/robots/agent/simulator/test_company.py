@@ -1,6 +1,6 @@
 """Options of an agent reach the simulated robot that it starts."""
 
-from robots.agent.adapters.simulator_child import end, launch
+from robots.agent.adapters.simulator.child import end, launch
 from robots.agent.simulator import wire
 from tests.support.simulators import eventually
 from tests.support.truth import Fate, Onlooker

@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 
 from robots.agent import framing
-from robots.agent.adapters.simulator_media import MediaLine
+from robots.agent.adapters.simulator.media import MediaLine
 from robots.agent.simulator import wire
-from robots.agent.simulator.faults import Faults
-from robots.agent.simulator.playback import LONGEST_LAG
+from robots.agent.simulator.physics.faults import Faults
+from robots.agent.simulator.physics.realtime import LONGEST_LAG
 from robots.agent.simulator.profiles import GIRAFF
 from tests.support.lateness import pauses, watched
 from tests.support.patience import patient

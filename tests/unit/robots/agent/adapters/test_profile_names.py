@@ -5,8 +5,8 @@ import math
 import pytest
 
 from robots.agent.adapters import registry
-from robots.agent.adapters.contract import AdapterError
-from robots.agent.motion import check_times
+from robots.agent.robot_interface import AdapterError
+from robots.agent.safety.ramp import check_times
 from robots.api.messages import Limits
 
 ROBOT = """
@@ -110,7 +110,7 @@ def test_times_at_their_bounds_are_taken(watchdog, deadman):
 def test_the_bounds_hold_for_a_profile_and_for_an_adapter_with_a_profile_of_its_own(tmp_path, monkeypatch):
     import dataclasses
 
-    from robots.agent.adapters import simulator
+    from robots.agent.adapters.simulator import adapter as simulator
 
     assert "a watchdog of 30 s is too long" in refusal(tmp_path, "[ros1]\nwatchdog = 30\n")
     assert "a deadman of 1.5 s" in refusal(tmp_path, "deadman = 1.5\n[ros1]\nwatchdog = 1.8\n")

@@ -3,7 +3,7 @@
 import pytest
 
 from robots.agent.adapters import registry
-from robots.agent.adapters.contract import AdapterError
+from robots.agent.robot_interface import AdapterError
 
 
 def test_every_name_that_is_told_can_be_loaded() -> None:
@@ -35,7 +35,7 @@ def test_an_adapter_whose_libraries_are_missing_says_so(monkeypatch: pytest.Monk
 def test_an_adapter_without_a_watchdog_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     import dataclasses
 
-    from robots.agent.adapters import simulator
+    from robots.agent.adapters.simulator import adapter as simulator
 
     original = simulator.profile_of
     monkeypatch.setattr(simulator, "profile_of", lambda *a, **k: dataclasses.replace(original(*a, **k), watchdog=0.0))

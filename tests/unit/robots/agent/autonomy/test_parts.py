@@ -10,17 +10,17 @@ from hypothesis import given, seed
 from hypothesis import strategies as st
 
 from robots.agent import framing
-from robots.agent.adapters.contract import NOWHERE, ActionProgress
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.__main__ import Conversation, frames, serve
 from robots.agent.autonomy.area import update_of
-from robots.agent.autonomy.perception import Body, Perception, Thought, beams_of
-from robots.agent.autonomy.whereabouts import STALE, Whereabouts
+from robots.agent.autonomy.pose_extrapolator import STALE, Whereabouts
+from robots.agent.autonomy.sensor_snapshot import Body, Perception, Thought, beams_of
+from robots.agent.robot_interface import NOWHERE, ActionProgress
 from robots.agent.simulator.profiles import model_of
-from robots.agent.world.sensing import Beams
-from robots.agent.world.sites import load_site
 from robots.api.geometry import Pose2D
 from robots.api.messages import Goto, Laser, Scan, Velocity
+from robots.world.sensing import Beams
+from robots.world.sites import load_site
 
 GIRAFF = model_of("giraff")
 AHEAD = Velocity(linear=0.5, angular=0.0)

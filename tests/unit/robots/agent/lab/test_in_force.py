@@ -3,7 +3,7 @@
 import pytest
 
 from robots.agent.lab.in_force import CLEAN, Networks, in_force, is_held
-from robots.agent.permissions import Sender
+from robots.agent.safety.permissions import Sender
 from robots.api import messages as m
 
 SLOW, NARROW = m.NetworkLab(delay=0.2, seed=3), m.NetworkLab(bitrate=4e5, seed=4)

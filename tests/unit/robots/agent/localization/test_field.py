@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robots.agent.localization.field import field_of
-from robots.agent.world.grid import MapError
-from robots.agent.world.raycaster import cast
 from robots.api.geometry import Pose2D
+from robots.world.grid import MapError
+from robots.world.raycaster import cast
 from tests.support.drawn_map import drawn_map, standing
 
 ROOM = """

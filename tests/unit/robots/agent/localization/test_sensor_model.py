@@ -7,8 +7,8 @@ import pytest
 
 from robots.agent.localization.field import field_of
 from robots.agent.localization.sensor_model import Agreement, SensorModel, Sweep, agreement, likelihood_field, sweep_of
-from robots.agent.world.sensing import CENTRE, Beams
 from robots.api.geometry import Pose2D
+from robots.world.sensing import CENTRE, Beams
 from tests.support.drawn_map import beams_from, drawn_map, standing
 
 MAP = """

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from robots.agent import media
-from robots.agent.media import aiortc_hooks
-from robots.agent.media.aiortc_hooks import PRIVATE_NAMES, UnsupportedAiortcError, check
+from robots.agent.media.webrtc import aiortc_hooks
+from robots.agent.media.webrtc.aiortc_hooks import PRIVATE_NAMES, UnsupportedAiortcError, check
 
 FOLDER = Path(media.__file__).parent
 LIBRARIES = {"aiortc", "aioice", "pylibsrtp", "av"}

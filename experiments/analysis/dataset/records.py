@@ -1,0 +1,230 @@
+"""A study's records as plain data: all that tables and figures are made of, wherever it was read from.
+
+States and network samples are numbers in columns, read a session at a time, because those of a thousand sessions do not fit beside
+each other.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from experiments.analysis.dataset.columns import NETWORK, STATES, Column
+from experiments.definition.schema import Course, Form, Study
+from robots.api.floorplan import FloorPlan
+from surveys.definition import Definition, spoken
+
+Floats = npt.NDArray[np.float64]
+Kind = Literal["participant", "pilot", "bot"]
+COMPLETED = "completed"
+EVERY, WITHOUT = "all", "without-excluded"  # selections of sessions, and their folders in a report
+WITHHELD = "withheld"  # why a value is missing that was given, and tells who gave it
+
+
+class Robot(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A robot of the study; `series` is what courses are made for, `facts` are the rows of Table 1, by name."""
+
+    name: str
+    title: str
+    series: str
+    facts: dict[str, str] = {}
+
+
+@dataclass(frozen=True)
+class Participant:
+    """A row of the participants (columns.PARTICIPANTS); an age that was not told is NaN."""
+
+    id: str
+    kind: Kind = "participant"
+    age: float = float("nan")
+    cell: str = ""
+    reached: str = ""
+    left: str = ""
+    finished: bool = False
+    withdrawn: bool = False
+
+
+@dataclass(frozen=True)
+class Session:
+    """A row of the sessions (columns.SESSIONS); a time that never came is NaN."""
+
+    id: str
+    participant: str
+    robot: str
+    kind: Kind = "participant"
+    number: int = 1
+    practice: bool = False
+    site: str = ""
+    condition: str = ""
+    mismatch: str = ""
+    control_way: str = ""
+    assist: str = ""
+    doors_closed: tuple[str, ...] = ()
+    control_network: str = ""
+    video_network: str = ""
+    control_applied: str = ""
+    video_applied: str = ""
+    outcome: str = ""
+    reason: str = ""
+    os: str = ""
+    browser: str = ""
+    network: str = ""
+    first_frame: float = float("nan")
+    first_motion: float = float("nan")
+    ended: float = float("nan")
+    began_x: float = float("nan")
+    began_y: float = float("nan")
+    began_theta: float = float("nan")
+    began_docked: float = float("nan")
+    began_charge: float = float("nan")
+    ended_x: float = float("nan")
+    ended_y: float = float("nan")
+    ended_theta: float = float("nan")
+    ended_docked: float = float("nan")
+    ended_charge: float = float("nan")
+    docked_seconds: float = float("nan")
+    dock_contacts: float = float("nan")
+    operator: bool = False
+    missing: int = 0
+    excluded: str = ""
+
+    @property
+    def exposed(self) -> bool:
+        """Tell whether a velocity of the visitor ever moved the robot."""
+        return self.first_motion == self.first_motion
+
+
+@dataclass(frozen=True)
+class Event:
+    """A row of the events (columns.EVENTS)."""
+
+    session: str
+    stamp: float
+    source: str
+    type: str
+    data: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Page:
+    """A row of the pages (columns.PAGES); `seconds` is NaN for one that was left."""
+
+    participant: str
+    step: str
+    session: str = ""
+    seconds: float = float("nan")
+    finished: bool = True
+
+
+@dataclass(frozen=True)
+class Response:
+    """A filled-in questionnaire; `missing` tells why an item has no value."""
+
+    id: str
+    questionnaire: str
+    participant: str
+    values: Mapping[str, Any]
+    version: int = 1
+    session: str = ""
+    finished: bool = True
+    missing: Mapping[str, str] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+
+class Columns:
+    """Numbers in named columns: `columns["x"]` is (n,)."""
+
+    def __init__(self, layout: tuple[Column, ...], values: Floats) -> None:
+        if values.ndim != 2 or values.shape[1] != len(layout):  # noqa: PLR2004 -- rows and columns
+            raise ValueError(f"{len(layout)} columns are expected, not an array of shape {values.shape}")
+        self.layout = layout
+        self.values = values
+        self._at = {column.name: index for index, column in enumerate(layout)}
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __getitem__(self, name: str) -> Floats:
+        return self.values[:, self._at[name]]
+
+
+def columns_of(layout: tuple[Column, ...], **given: npt.ArrayLike) -> Columns:
+    """Return columns of the same length from those that are given; the others are NaN."""
+    length = len(np.atleast_1d(next(iter(given.values())))) if given else 0
+    values = np.full((length, len(layout)), np.nan)
+    at = {column.name: index for index, column in enumerate(layout)}
+    for name, numbers in given.items():
+        values[:, at[name]] = numbers
+    return Columns(layout, values)
+
+
+NO_STATES = columns_of(STATES)
+NO_NETWORK = columns_of(NETWORK)
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A study and all that was recorded of it. `states` and `network` read those of a session, which may have none."""
+
+    study: Study
+    robots: tuple[Robot, ...] = ()
+    participants: tuple[Participant, ...] = ()
+    sessions: tuple[Session, ...] = ()
+    events: tuple[Event, ...] = ()
+    pages: tuple[Page, ...] = ()
+    responses: tuple[Response, ...] = ()
+    questionnaires: tuple[Definition, ...] = ()
+    plans: Mapping[str, FloorPlan] = field(default_factory=dict)
+    states: Callable[[str], Columns] = lambda _: NO_STATES
+    network: Callable[[str], Columns] = lambda _: NO_NETWORK
+
+    @property
+    def language(self) -> str:
+        """In which tables speak."""
+        return self.study.languages[0] if self.study.languages else "en"
+
+    def say(self, text: Mapping[str, str]) -> str:
+        """Return a text in the language of the tables."""
+        return spoken(text, self.language)
+
+    @property
+    def registration(self) -> str:
+        """The questionnaire about the person; empty when the study has none."""
+        return next((step.questionnaire for step in self.study.steps if isinstance(step, Form)), "")
+
+    def sessions_of(self, participants: Iterable[str]) -> tuple[str, ...]:
+        """Return the ids of the sessions of participants."""
+        wanted = set(participants)
+        return tuple(one.id for one in self.sessions if one.participant in wanted)
+
+    def robot(self, name: str) -> Robot:
+        """Return a robot; one that the dataset does not describe is called by its name."""
+        return next((one for one in self.robots if one.name == name), Robot(name=name, title=name, series=name))
+
+    def course(self, session: Session) -> Course | None:
+        """Return what was to be driven in a session."""
+        series = self.robot(session.robot).series
+        return next((one for one in self.study.courses if (one.robot, one.site) == (series, session.site)), None)
+
+    def questionnaire(self, name: str) -> Definition | None:
+        """Return the newest version of a questionnaire."""
+        return max((one for one in self.questionnaires if one.slug == name), key=lambda one: one.version, default=None)
+
+    def chosen(self, kinds: Sequence[Kind] = ("participant",), *, with_excluded: bool = True) -> "Dataset":
+        """Return the part of it that counts: neither pilots and bots, unless asked for, nor practice; a withdrawn participant keeps only a row."""
+        people = tuple(one for one in self.participants if one.kind in kinds)
+        known = {one.id for one in people if not one.withdrawn}
+        own = (one for one in self.sessions if one.kind in kinds and one.participant in known and not one.practice)
+        sessions = tuple(one for one in own if with_excluded or not one.excluded)
+        kept = {one.id for one in sessions} | {""}
+        return replace(
+            self,
+            participants=people,
+            sessions=sessions,
+            events=tuple(one for one in self.events if one.session in kept),
+            pages=tuple(one for one in self.pages if one.participant in known and one.session in kept),
+            responses=tuple(one for one in self.responses if one.participant in known and one.session in kept),
+        )

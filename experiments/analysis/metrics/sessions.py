@@ -1,0 +1,257 @@
+"""What a session was like in numbers, and each of its segments from checkpoint to checkpoint.
+
+METRICS names them with unit and meaning; `version` changes with any definition, so that numbers of two releases are not mixed.
+A number that cannot be known is NaN, never zero.
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from experiments.analysis.dataset.columns import METHODS, WAYS, Column
+from experiments.analysis.dataset.records import COMPLETED, Columns, Dataset, Event, Floats, Session
+from experiments.analysis.metrics.geodesic import nearer
+from experiments.analysis.metrics.milestones import Milestones, docking_attempts, milestones
+from experiments.analysis.metrics.motion import Track, drive
+from experiments.definition.schema import Course
+
+VERSION = 2
+Values = dict[str, float]
+
+DRIVING = (
+    Column("path", "m", "way driven, by the position on the map, with a dead band of 1 cm"),
+    Column("odometer", "m", "way driven, by the wheels"),
+    Column("shortest", "m", "how much the shortest ways to the checkpoints became shorter, with the doors as they were"),
+    Column("efficiency", "", "that, divided by the way driven in the segments that were finished: 1 is the shortest way"),
+    Column("speed", "m/s", "mean speed over all of the time"),
+    Column("moving_speed", "m/s", "mean speed while the robot moved"),
+    Column("rotation", "rad", "how far the robot turned, left and right added"),
+    Column("stops", "", "times it stood for 1 s (below 0.02 m/s) after it went faster than 0.05 m/s"),
+    Column("idle", "s", "time without moving or turning"),
+    Column("collisions", "", "collisions that began"),
+    Column("near_collisions", "", "times something came nearer than 0.20 m; over at 0.25 m"),
+    Column("near_seconds", "s", "time that something was so near"),
+    Column("least_clearance", "m", "smallest distance to anything"),
+    Column("jumps", "", "times the robot found itself elsewhere without driving there"),
+)
+COMMANDS = (
+    Column("commands", "", "velocity commands that were applied"),
+    Column("refused", "", "velocity commands that were refused"),
+    *(Column(f"share_{method}", "", f"share of the commands from: {method}") for method in METHODS),
+    *(Column(f"share_{way}", "", f"share of the commands on: {way}") for way in WAYS),
+    Column("command_age", "s", "mean age of a command when it was applied"),
+    Column("command_age_p95", "s", "95th percentile of the greatest age in a quarter of a second"),
+    Column("command_age_median", "s", "median age of a command, each with the mean of its quarter of a second"),
+    Column("answer_age", "s", "median age, when a command was applied, of the picture that it answered"),
+    Column("answer_age_p95", "s", "95th percentile of that"),
+)
+LINK = (
+    Column("round_trip", "s", "median round trip"),
+    Column("round_trip_p95", "s", "95th percentile of the round trip"),
+    Column("loss", "", "mean share of the picture's packets that were lost"),
+    Column("fps", "1/s", "mean rate of pictures"),
+    Column("freezes", "", "freezes of the picture"),
+    Column("frame_age", "s", "median age of the picture"),
+    Column("frame_age_p95", "s", "95th percentile of the age of the picture"),
+)
+RECORD = (
+    Column("rate", "Hz", "states a second"),
+    Column("gaps", "", "times without a state for longer than 1 s"),
+    Column("longest_gap", "s", "longest time without a state"),
+    Column("clock_offset", "s", "greatest difference of the clocks, either way"),
+)
+METRICS = (
+    Column("total_time", "s", "from the first picture to the end of the task"),
+    Column("time_to_motion", "s", "from the first picture to the first motion"),
+    Column("task_time", "s", "from the first picture to the dock, of sessions that completed the task"),
+    Column("docking_time", "s", "from the last checkpoint to the dock"),
+    Column("docking_attempts", "", "times the robot came within 0.8 m of its station after the last checkpoint"),
+    Column("passed", "", "checkpoints that were passed"),
+    Column("photo", "", "1 when a photo was kept"),
+    *DRIVING,
+    *COMMANDS,
+    *LINK,
+    *RECORD,
+)
+SEGMENT_METRICS = (Column("seconds", "s", "time that it took"), *DRIVING, *COMMANDS, *LINK[:4])
+
+
+@dataclass(frozen=True)
+class Segment:
+    """From one checkpoint to the next: 0 stands for the charging station at both ends; `values` by SEGMENT_METRICS' names."""
+
+    session: str
+    number: int
+    begins: int
+    ends: int
+    start: float
+    end: float
+    values: Values
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A session with its numbers by METRICS' names, its segments in order, and its way, (n, 2) metres."""
+
+    session: Session
+    milestones: Milestones
+    values: Values
+    segments: tuple[Segment, ...]
+    way: Floats
+    missing_share: float
+
+
+def measure_all(dataset: Dataset) -> list[Measured]:
+    """Return every session with its numbers, in the dataset's order."""
+    events: dict[str, list[Event]] = {}
+    for event in dataset.events:
+        events.setdefault(event.session, []).append(event)
+    return [measure(dataset, session, events.get(session.id, [])) for session in dataset.sessions]
+
+
+def measure(dataset: Dataset, session: Session, events: Iterable[Event]) -> Measured:
+    """Return a session with its numbers."""
+    course = dataset.course(session)
+    found = milestones(session, events, course)
+    whole = Track.of(dataset.states(session.id))
+    network = dataset.network(session.id)
+    task = whole.between(found.start, found.end)
+    segments = tuple(_segments(dataset, session, course, found, task, network))
+    values = _times(session, found) | _numbers(task, network) | _record(whole)
+    if course is not None and not math.isnan(found.last_checkpoint):
+        dock = course.checkpoints[0]
+        values["docking_attempts"] = float(docking_attempts(task, (dock.x, dock.y), found.last_checkpoint))
+    driven = [segment.values for segment in segments if not math.isnan(segment.values["efficiency"])]
+    values["shortest"] = math.fsum(one["shortest"] for one in driven) if driven else math.nan
+    values["efficiency"] = _share(values["shortest"], math.fsum(one["path"] for one in driven))
+    ordered = {column.name: values.get(column.name, math.nan) for column in METRICS}
+    way = np.column_stack((task.states["x"], task.states["y"]))
+    share = session.missing / (session.missing + len(whole)) if session.missing else 0.0
+    return Measured(session, found, ordered, segments, way[np.isfinite(way).all(axis=1)], share)
+
+
+def _times(session: Session, found: Milestones) -> Values:
+    return {
+        "total_time": found.end - found.start,
+        "time_to_motion": found.motion - found.start,
+        "task_time": found.docked - found.start if session.outcome == COMPLETED else math.nan,
+        "docking_time": found.docked - found.last_checkpoint,
+        "passed": float(len(found.checkpoints)),
+        "photo": float(not math.isnan(found.photo)),
+    }
+
+
+def _numbers(track: Track, network: Columns) -> Values:
+    return _driving(track) | _commands(track) | _link(network)
+
+
+def _driving(track: Track) -> Values:
+    if not len(track):
+        return {}
+    found = drive(track)
+    return {column.name: float(getattr(found, column.name)) for column in DRIVING if hasattr(found, column.name)} | {"odometer": _odometer(track)}
+
+
+def _odometer(track: Track) -> float:
+    """A run's odometer only grows; what lies between two runs is not known."""
+    steps = np.diff(track.states["distance"])
+    same = np.diff(track.states["boot"]) == 0.0
+    return float(np.nansum(np.where(same, np.maximum(steps, 0.0), 0.0)))
+
+
+def _commands(track: Track) -> Values:
+    if not len(track):
+        return {}
+    states = track.states
+    count = float(np.nansum(states["commands"]))
+    found = {"commands": count, "refused": float(np.nansum(states["refused"]))}
+    if not count:
+        return found
+    ages = states["age_max"][states["commands"] > 0]
+    ages = ages[np.isfinite(ages)]
+    found |= {f"share_{method}": float(np.nansum(states[f"by_{method}"])) / count for method in METHODS}
+    found |= {f"share_{way}": float(np.nansum(states[f"on_{way}"])) / count for way in WAYS}
+    found["command_age"] = float(np.nansum(states["age_sum"])) / count
+    found["command_age_p95"] = float(np.percentile(ages, 95)) if ages.size else math.nan
+    return found | _answered(states)
+
+
+def _answered(states: Columns) -> Values:
+    """A quarter of a second counts as often as it has commands."""
+    counts = np.nan_to_num(states["commands"]).astype(np.int64)
+    some = np.maximum(counts, 1)
+    ages, answers = (np.repeat(values, counts) for values in (states["age_sum"] / some, states["answer_age"]))
+    ages, answers = ages[np.isfinite(ages)], answers[np.isfinite(answers)]
+    return {
+        "command_age_median": float(np.median(ages)) if ages.size else math.nan,
+        "answer_age": float(np.median(answers)) if answers.size else math.nan,
+        "answer_age_p95": float(np.percentile(answers, 95)) if answers.size else math.nan,
+    }
+
+
+def _link(network: Columns) -> Values:
+    def known(name: str) -> Floats:
+        values = network[name]
+        return values[np.isfinite(values)]
+
+    trips, loss, fps, ages, freezes = known("round_trip"), known("loss"), known("fps"), known("frame_age"), known("freezes")
+    return {
+        "round_trip": float(np.median(trips)) if trips.size else math.nan,
+        "round_trip_p95": float(np.percentile(trips, 95)) if trips.size else math.nan,
+        "loss": float(loss.mean()) if loss.size else math.nan,
+        "fps": float(fps.mean()) if fps.size else math.nan,
+        "freezes": float(freezes.sum()) if freezes.size else math.nan,
+        "frame_age": float(np.median(ages)) if ages.size else math.nan,
+        "frame_age_p95": float(np.percentile(ages, 95)) if ages.size else math.nan,
+    }
+
+
+def _record(track: Track) -> Values:
+    gaps, offsets = track.gaps(), np.abs(track.states["clock_offset"])
+    known = offsets[np.isfinite(offsets)]
+    return {
+        "rate": track.rate(),
+        "gaps": float(len(gaps)),
+        "longest_gap": float(gaps.max()) if gaps.size else 0.0 if len(track) > 1 else math.nan,
+        "clock_offset": float(known.max()) if known.size else math.nan,
+    }
+
+
+def _segments(dataset: Dataset, session: Session, course: Course | None, found: Milestones, task: Track, network: Columns) -> Iterable[Segment]:  # noqa: PLR0917 -- all that is known of a session
+    if course is None:
+        return
+    home = course.checkpoints[0]
+    legs = [*course.checkpoints, home]
+    times: Mapping[int, float] = {0: found.start, **found.checkpoints}
+    ends = [*(found.checkpoints.get(stop.number, math.nan) for stop in course.checkpoints[1:]), found.docked]
+    for number, (begin, end, at) in enumerate(zip(legs, legs[1:], ends, strict=False), start=1):
+        start = times.get(begin.number, math.nan)
+        if math.isnan(start) or math.isnan(at) or at < start:
+            continue
+        part = task.between(start, at)
+        values = {"seconds": at - start} | _numbers(part, _during(network, start, at))
+        values["shortest"] = _shortest(dataset, session, part, (end.x, end.y))
+        values["efficiency"] = _share(values["shortest"], values.get("path", 0.0))
+        yield Segment(session.id, number, begin.number, end.number, start, at, {one.name: values.get(one.name, math.nan) for one in SEGMENT_METRICS})
+
+
+def _during(network: Columns, start: float, end: float) -> Columns:
+    inside = (network["stamp"] >= start) & (network["stamp"] <= end)
+    return Columns(network.layout, network.values[inside])
+
+
+def _shortest(dataset: Dataset, session: Session, part: Track, goal: tuple[float, float]) -> float:
+    plan = dataset.plans.get(session.site)
+    x, y = part.states["x"], part.states["y"]
+    known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    if plan is None or not known.size:
+        return math.nan
+    first, last = (float(x[known[0]]), float(y[known[0]])), (float(x[known[-1]]), float(y[known[-1]]))
+    return nearer(plan, frozenset(session.doors_closed), goal, first, last)
+
+
+def _share(shortest: float, path: float) -> float:
+    """A straight line over cells is up to 3 % too long: nobody drives less than the shortest way."""
+    return min(1.0, shortest / path) if path > 0.0 else math.nan

@@ -1,0 +1,40 @@
+"""The final questionnaire by condition: whether participants answered otherwise after one than after another.
+
+A row is one of Table 5: all statements, a topic, or a statement. A participant's score is the mean of the row's statements that they
+answered, as there; the responses that count are chosen by the study's rule, one a participant and condition unless all count.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+
+from experiments.analysis.dataset.records import Dataset, Response
+from experiments.analysis.statistics.descriptive import holm
+from experiments.analysis.tables.effects import compared, difference, head_of
+from experiments.analysis.tables.paper_tables import behind, label_of, lines_of
+from experiments.analysis.tables.response_selection import RULES
+from experiments.analysis.tables.table import Table
+
+
+def compare_answers(dataset: Dataset) -> Table:
+    """Return every row of Table 5 by condition, with a test of the difference."""
+    keys = [one.key for one in dataset.study.conditions]
+    counted = {key: lines_of(dataset, key) for key in keys}
+    keys = [key for key in keys if counted[key][1]]
+    lines = counted[keys[0]][0] if keys else []
+    paired = dataset.study.allocation.design == "within"
+    groups = [[(scores(counted[key][1], line.statements), behind(line, counted[key][1])) for key in keys] for line in lines]
+    tests = [difference([values for values, _ids in row], paired=paired) for row in groups]
+    corrected = holm([test.p for test in tests])
+    rows = tuple(compared(label_of(line), row, test, p) for line, row, test, p in zip(lines, groups, tests, corrected, strict=True))
+    below = (RULES[dataset.study.analysis.counts], "A participant's score is the mean of their answers. p (Holm): corrected for the number of rows.")
+    return Table("answers", "Final questionnaire by condition.", ("", *head_of(keys)), rows, below)
+
+
+def scores(responses: Sequence[Response], statements: Sequence[str]) -> Mapping[str, float]:
+    """Return each participant's score; who answered none of the statements has none."""
+    found: dict[str, list[float]] = {}
+    for one in responses:
+        given = [value for key in statements if (value := one.values.get(key)) is not None]
+        if given:
+            found.setdefault(one.participant, []).append(math.fsum(given) / len(given))
+    return {who: math.fsum(values) / len(values) for who, values in found.items()}

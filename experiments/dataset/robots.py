@@ -1,0 +1,65 @@
+"""The robots and sites of a study: what they say of themselves, as the rows of Table 1."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import msgspec
+
+from experiments.analysis.dataset.records import Robot
+from experiments.definition.schema import Study
+from robots.api import floorplan
+from robots.api.floorplan import FloorPlan
+from robots.models import FloorPlan as PlanRow
+from robots.models import Robot as Row
+
+YES, NO, UNKNOWN = "yes", "no", "–"
+
+
+def robots_of(study: Study, driven: Iterable[str]) -> tuple[Robot, ...]:
+    """Return the robots that were driven, by name, and those at the study's sites that could have been."""
+    wanted, names = {(one.robot, one.site) for one in study.conditions}, set(driven)
+    rows = Row.objects.select_related("floor_plan").order_by("name")
+    found = [row for row in rows if row.name in names or (series_of(row), row.floor_plan.name if row.floor_plan else "") in wanted]
+    return tuple(Robot(name=row.name, title=row.title, series=series_of(row), facts=facts(row.factsheet or {}, study)) for row in found)
+
+
+def series_of(row: Row) -> str:
+    """Return what courses call a robot; its own name when it was never heard of."""
+    found: str = (row.factsheet or {}).get("series", row.name)
+    return found
+
+
+def facts(sheet: Mapping[str, Any], study: Study) -> dict[str, str]:
+    """Return what a factsheet and the study say of a robot, row by row of Table 1."""
+    series, can = sheet.get("series", ""), sheet.get("capabilities", ())
+    courses = [course for course in study.courses if course.robot == series]
+    entries = {condition.access for condition in study.conditions if condition.robot == series}
+    return {
+        "Base": series or UNKNOWN,
+        "Robot control architecture": sheet.get("rca") or UNKNOWN,
+        "Greatest speed (m/s)": _limit(sheet, "linear"),
+        "Greatest turn rate (rad/s)": _limit(sheet, "angular"),
+        "Camera": _camera(sheet.get("camera")),
+        "Tilting head": YES if sheet.get("tilt") else NO,
+        "Laser": YES if sheet.get("laser") or "scan" in can else NO,
+        "Self-localization": YES if "localization" in can else NO,
+        "Docks by itself": YES if "dock" in can else NO,
+        "Mirror task": YES if any(course.photo for course in courses) else NO,
+        "Participants": ", ".join(sorted({"open": "everybody", "invitation": "by invitation"}[one] for one in entries)) or UNKNOWN,
+    }
+
+
+def _limit(sheet: Mapping[str, Any], name: str) -> str:
+    value = sheet.get("limits", {}).get(name)
+    return UNKNOWN if value is None else f"{value:g}"
+
+
+def _camera(camera: Mapping[str, Any] | None) -> str:
+    return UNKNOWN if camera is None else f"{camera['width']}×{camera['height']}, {camera['hfov'] * 57.29578:.0f}°"
+
+
+def plans_of(study: Study) -> dict[str, FloorPlan]:
+    """Return the floor plans of the sites of a study, by name."""
+    sites = {one.site for one in (*study.conditions, *study.courses)}
+    rows = PlanRow.objects.filter(name__in=sorted(sites)).order_by("name").values_list("name", "plan")
+    return {name: floorplan.decode(msgspec.json.encode(plan)) for name, plan in rows if plan}

@@ -1,0 +1,322 @@
+"""A study as it is written: version 1 of the JSON format, one class a kind of thing.
+
+A study is the *steps* that a participant goes through, the *conditions* that are compared, and the *courses* that are driven. What
+happens in which order for whom follows from it alone (experiments/participation/assignment.py, experiments/tasks/engine.py); a published study is
+frozen by the SHA-256 of its definition. Metres, radians, m/s and seconds in the frame of the site's map, unless a name says minutes.
+
+Texts are objects of languages, as in questionnaires. The classes refuse unknown fields and wrong types; experiments/definition/problems.py
+tells what types cannot, experiments/definition/feasibility.py what only the sites, robots and questionnaires at hand can.
+
+Longer than most files here, because a reader who writes a study wants all of its words on one page.
+"""
+
+from hashlib import sha256
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta
+
+from robots.api.docked import DOCKED
+from robots.api.floorplan import Key as PlanKey
+from robots.api.floorplan import Length
+from robots.api.messages import AssistLevel, Metres, Point, Positive, Share
+from robots.api.prepared import prepare
+from surveys.definition import Key, Language, Part, Slug, Text
+
+Outcome = Literal["completed", "timed_out", "connection_refused", "cancelled", "stopped_by_operator", "robot_fault", "connection_lost"]
+Controller = Literal["keyboard", "mouse", "touch", "stick", "gamepad"]
+OwnAction = Literal["places", "map", "follow", "dock", "undock", "tilt"]
+ControlWay = Literal["any", "datachannel", "mqtt"]
+Version = Annotated[int, Meta(ge=1, le=9999)]
+Minutes = Annotated[float, Meta(gt=0.0, le=600.0)]
+Delay = Annotated[float, Meta(ge=0.0, le=10.0)]
+
+
+# --- where it is driven ----------------------------------------------------------------------------------------------
+
+
+class Checkpoint(Part, frozen=True, kw_only=True):
+    """A point of the course, passed within `radius` and in the same room. Number 0 is the charging station: it is left, and returned to."""
+
+    number: Annotated[int, Meta(ge=0, le=99)]
+    x: Metres
+    y: Metres
+    radius: Length = 0.6
+    title: Text = {}
+
+
+class Photo(Part, frozen=True, kw_only=True):
+    """The photo of one's own reflection, asked for within `radius` of a checkpoint that was passed.
+
+    `view` is how far the mirror may lie off the camera's axis for the visitor to see the robot in it.
+    """
+
+    checkpoint: Annotated[int, Meta(ge=1, le=99)]
+    mirror: PlanKey
+    radius: Length = 1.5
+    view: Annotated[float, Meta(gt=0.0, lt=1.5)] = 0.6
+
+
+class Zone(Part, frozen=True, kw_only=True):
+    """A part of the floor for which times and collisions are told apart; `polygon` in order, not closed."""
+
+    name: Key
+    title: Text
+    polygon: Annotated[tuple[Point, ...], Meta(min_length=3, max_length=100)]
+
+
+class Course(Part, frozen=True, kw_only=True):
+    """What one series of robots drives at one site. `doors` have to be crossed, each only where the condition leaves it open."""
+
+    robot: PlanKey
+    site: PlanKey
+    dock: PlanKey = ""
+    checkpoints: Annotated[tuple[Checkpoint, ...], Meta(max_length=100)]
+    path: Annotated[tuple[Point, ...], Meta(max_length=500)] = ()
+    doors: tuple[PlanKey, ...] = ()
+    zones: Annotated[tuple[Zone, ...], Meta(max_length=100)] = ()
+    photo: Photo | None = None
+
+
+# --- what is compared ------------------------------------------------------------------------------------------------
+
+
+class Impairment(Part, frozen=True, kw_only=True):
+    """What is put on one direction of the network: seconds, shares, and bit/s. The seed comes from the session."""
+
+    delay: Delay = 0.0
+    jitter: Delay = 0.0
+    loss: Share = 0.0
+    reorder: Share = 0.0
+    bitrate: Annotated[float, Meta(ge=1_000.0, le=1e9)] | None = None
+
+
+class Network(Part, frozen=True, kw_only=True):
+    """The network of a condition, towards the robot and back from its camera."""
+
+    control: Impairment | None = None
+    video: Impairment | None = None
+
+
+class Speed(Part, frozen=True, kw_only=True):
+    """A speed limit below the robot's own."""
+
+    linear: Positive | None = None
+    angular: Positive | None = None
+
+
+class Condition(Part, frozen=True, kw_only=True):
+    """One way to do the task. What it says, the visitor cannot change.
+
+    `robot` is a series. `access` says who may be assigned to it: everybody who has the link, or those who were invited. `idle_seconds` is how
+    long a driver may do nothing before being asked whether anybody is there; absent or 0 for ever, for a drive of a study has its own time limit.
+    """
+
+    key: Key
+    title: Text
+    robot: PlanKey
+    site: PlanKey
+    access: Literal["open", "invitation"] = "open"
+    control_way: ControlWay = "any"
+    controllers: tuple[Controller, ...]
+    actions: tuple[OwnAction, ...] = ()
+    assist: AssistLevel = "off"
+    interface: Key = "standard"
+    speed: Speed = Speed()
+    doors_closed: tuple[PlanKey, ...] = ()
+    network: Network = Network()
+    idle_seconds: Annotated[float, Meta(ge=0.0, le=3600.0)] | None = None
+
+
+# --- what a participant goes through ---------------------------------------------------------------------------------
+
+
+class Step(Part, frozen=True, kw_only=True):
+    """What every step says. With `repeat` it is gone through once for each condition of a participant, else once."""
+
+    key: Key
+    title: Text
+    repeat: bool = False
+
+
+class Consent(Step, frozen=True, kw_only=True, tag_field="kind", tag="consent"):
+    """The participant agrees to `text`, or leaves. Who is younger than `minimum_age` is turned away, or needs a guardian's word."""
+
+    version: Version = 1
+    text: Text
+    minimum_age: Annotated[int, Meta(ge=0, le=99)] = 18
+    minors: Literal["refused", "guardian"] = "refused"
+
+
+class Form(Step, frozen=True, kw_only=True, tag_field="kind", tag="form"):
+    """A questionnaire about the person; who has answered it on an earlier visit skips it."""
+
+    questionnaire: Slug
+    version: Version = 1
+
+
+class Leaf(Part, frozen=True, kw_only=True):
+    """One page of the instructions; `picture` is the name of a picture of the site's own."""
+
+    text: Text
+    picture: Annotated[str, Meta(pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$")] | None = None
+    robot: tuple[PlanKey, ...] = ()
+
+
+class Instructions(Step, frozen=True, kw_only=True, tag_field="kind", tag="instructions"):
+    """What is read before driving. A leaf that names robots is shown to those who will drive one of them."""
+
+    leaves: tuple[Leaf, ...]
+
+
+class Practice(Step, frozen=True, kw_only=True, tag_field="kind", tag="practice"):
+    """A free drive of so many minutes with the condition's robot."""
+
+    minutes: Minutes = 3.0
+
+
+class Task(Step, frozen=True, kw_only=True, tag_field="kind", tag="task"):
+    """The course of the condition's robot, within a time limit from the first picture shown; what is left is shown in the last minutes.
+
+    `docked_seconds` is for how long the robot must rest on its charging contacts, released, for its docking to count: robots/api/docked.py.
+    """
+
+    minutes: Minutes = 15.0
+    last_minutes: Annotated[float, Meta(ge=0.0, le=60.0)] = 2.0
+    docked_seconds: Annotated[float, Meta(ge=1.0, le=60.0)] = DOCKED.seconds
+
+
+class Questionnaire(Step, frozen=True, kw_only=True, tag_field="kind", tag="questionnaire"):
+    """Questions about what was done; asked after every outcome."""
+
+    questionnaire: Slug
+    version: Version = 1
+
+
+class Debrief(Step, frozen=True, kw_only=True, tag_field="kind", tag="debrief"):
+    """Thanks, and what the study was about."""
+
+    text: Text
+
+
+AnyStep = Consent | Form | Instructions | Practice | Task | Questionnaire | Debrief
+
+
+# --- the rules -------------------------------------------------------------------------------------------------------
+
+
+class Allocation(Part, frozen=True, kw_only=True):
+    """Who gets which condition.
+
+    Between participants each does one condition; within them each does all that are open to them, in an order: `fixed` as written,
+    `all` orders, or `balanced` ones. `quota` is how many participants fill a cell (a condition, or an order); None is no end.
+    """
+
+    design: Literal["between", "within"] = "between"
+    order: Literal["fixed", "all", "balanced"] = "balanced"
+    quota: Annotated[int, Meta(ge=1, le=100_000)] | None = None
+
+
+class Refill(Part, frozen=True, kw_only=True):
+    """Exposed participants with one of these outcomes leave their place to another, at most `most` times a cell; they stay in its flow."""
+
+    outcomes: tuple[Outcome, ...] = ()
+    most: Annotated[int, Meta(ge=0, le=10_000)] = 0
+
+
+class Quality(Part, frozen=True, kw_only=True):
+    """What a session's record must be like to be called good; rates in Hz, times in s."""
+
+    least_sample_rate: Annotated[float, Meta(ge=0.0, le=50.0)] = 3.5
+    longest_gap: Positive = 2.0
+    largest_clock_offset: Positive = 0.25
+    condition_applied: bool = True
+    operator_absent: bool = True
+
+
+class Start(Part, frozen=True, kw_only=True):
+    """What must hold before a participant gets the robot; else they wait, and researchers are told.
+
+    `docked`: it is docked, at most `distance` metres and `heading` radians off the pose of the course's station, and knows where it is.
+    `charge` is the least share of the battery's charge; a robot that does not know its charge is taken as it is.
+    """
+
+    docked: bool = True
+    distance: Length = 0.3
+    heading: Annotated[float, Meta(gt=0.0, le=3.2)] = 0.35
+    charge: Share = 0.0
+
+
+class Analysis(Part, frozen=True, kw_only=True):
+    """Which of several responses of one visitor counts in tables, and of which kind the intervals of confidence are."""
+
+    counts: Literal["first", "last", "all"] = "first"
+    interval: Literal["normal", "t"] = "t"
+    statements: Slug = "experience"
+
+
+class Study(Part, frozen=True, kw_only=True):
+    """A whole study."""
+
+    format: Literal[1]
+    slug: Slug
+    version: Version
+    title: Text
+    intro: Text = {}
+    source: str = ""
+    licence: str = ""
+    languages: tuple[Language, ...]
+    steps: Annotated[tuple[AnyStep, ...], Meta(max_length=60)]
+    conditions: Annotated[tuple[Condition, ...], Meta(max_length=24)]
+    courses: Annotated[tuple[Course, ...], Meta(max_length=24)]
+    allocation: Allocation = Allocation()
+    refill: Refill = Refill()
+    start: Start = Start()
+    quality: Quality = Quality()
+    analysis: Analysis = Analysis()
+
+    def condition(self, key: str) -> Condition | None:
+        """Return the condition with a key."""
+        return next((condition for condition in self.conditions if condition.key == key), None)
+
+    def course_of(self, condition: Condition) -> Course | None:
+        """Return what is driven under a condition."""
+        return next((course for course in self.courses if (course.robot, course.site) == (condition.robot, condition.site)), None)
+
+    @property
+    def task(self) -> Task | None:
+        """The step in which the course is driven."""
+        return next((step for step in self.steps if isinstance(step, Task)), None)
+
+
+prepare(Study)
+
+
+def to_json(study: Study) -> bytes:
+    """Return a study as the JSON that import takes: indented, fields in the order of the classes."""
+    return msgspec.json.format(msgspec.json.encode(study), indent=2) + b"\n"
+
+
+def digest(study: Study) -> str:
+    """Return the SHA-256 of a study: equal exactly when two say the same, defaults written out or not. It freezes a published version."""
+    return sha256(msgspec.json.encode(_said(study), order="deterministic")).hexdigest()
+
+
+def _said(value: Any) -> Any:
+    """Return what is said, without what is so by default: a field that a later format adds leaves the digests of older studies alone."""
+    if isinstance(value, tuple):
+        return [_said(one) for one in value]
+    if not isinstance(value, msgspec.Struct):
+        return value
+    kind, name = value.__struct_config__.tag, value.__struct_config__.tag_field
+    told = {field.encode_name: (getattr(value, field.name), _default(field)) for field in msgspec.structs.fields(value)}
+    return ({name: kind} if name else {}) | {word: _said(own) for word, (own, default) in told.items() if own != default}
+
+
+def _default(field: msgspec.structs.FieldInfo) -> Any:
+    return field.default if field.default_factory is msgspec.NODEFAULT else field.default_factory()
+
+
+def from_stored(document: Any) -> Study:
+    """Return the study that a database row holds; it was checked when it was stored."""
+    return msgspec.convert(document, Study)

@@ -1,0 +1,14 @@
+"""The studies that come with the site: the paper's, and the same task driven alone and with assistance by every participant."""
+
+from pathlib import Path
+
+from experiments.definition.problems import parse
+from experiments.definition.schema import Study
+
+SHIPPED = Path(__file__).resolve().parents[1] / "definitions"
+
+
+def shipped() -> dict[str, Study]:
+    """Return the studies that come with the site, by name."""
+    studies = [parse(path.read_bytes()) for path in sorted(SHIPPED.glob("*.json"))]
+    return {study.slug: study for study in studies}

@@ -1,0 +1,56 @@
+"""Forms of a participant: the consent. Questions belong to questionnaires."""
+
+from typing import Any
+
+from django import forms
+from django.utils.translation import gettext_lazy as _
+
+from accounts.forms import single_line
+from experiments.definition.schema import Consent
+from experiments.participation.consent import may_agree
+
+OLDEST = 120
+
+
+class ConsentForm(forms.Form):
+    """The age, where the study asks for it, a guardian where that is needed, and the agreement itself."""
+
+    age = forms.IntegerField(label=_("Your age in years"), min_value=1, max_value=OLDEST, widget=forms.NumberInput(attrs={"inputmode": "numeric"}))
+    guardian = forms.CharField(
+        label=_("Name of your parent or guardian, who agrees too"),
+        max_length=120,
+        required=False,
+        widget=forms.TextInput(attrs={"autocomplete": "off"}),
+    )
+    agree = forms.BooleanField(label=_("I have read this and want to take part."))
+
+    def __init__(self, step: Consent, data: Any = None) -> None:
+        super().__init__(data)
+        self.step = step
+        self.is_too_young = False
+        if not step.minimum_age:
+            del self.fields["age"]
+        else:
+            self.fields["age"].help_text = self._age_hint()
+        if not step.minimum_age or step.minors == "refused":
+            del self.fields["guardian"]
+        else:
+            self.fields["guardian"].help_text = _("Only if you are younger than %(age)d.") % {"age": step.minimum_age}
+
+    def _age_hint(self) -> str:
+        return _("You must be at least %(age)d to take part.") % {"age": self.step.minimum_age} if self.step.minors == "refused" else ""
+
+    def clean_guardian(self) -> str:
+        """Return the guardian's name as one visible line."""
+        return single_line(self.cleaned_data["guardian"])
+
+    def clean(self) -> dict[str, Any]:
+        """Apply the study's rule for minors; who is too young is no error, but turned away."""
+        cleaned = super().clean() or {}
+        if "age" in self.fields and cleaned.get("age") is None:
+            return cleaned
+        verdict = may_agree(self.step, cleaned.get("age"), cleaned.get("guardian", ""))
+        self.is_too_young = verdict == "too_young"
+        if verdict == "guardian":
+            self.add_error("guardian", _("At your age a parent or guardian has to agree too: please give their name."))
+        return cleaned

@@ -1,0 +1,141 @@
+"""What the front page of a study says: what it is, what is needed, and what somebody can do about it now."""
+
+import datetime
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from django.utils.dates import WEEKDAYS_ABBR
+from django.utils.translation import gettext as _
+
+from experiments.definition import opening_hours
+from experiments.definition.schema import Consent, Controller, Practice, Task
+from experiments.definition.schema import Study as Definition
+from experiments.models import Participant, Study
+from experiments.participation import journey, progress
+from surveys.definition import spoken
+
+# In the order in which they are asked: the first that holds decides.
+Stand = Literal["finished", "under_way", "screened_out", "closed", "shut", "personal", "full", "stranger", "welcome"]
+_WEEK = 7
+
+
+@dataclass(frozen=True)
+class Landing:
+    """The front page of a study for one visitor. `minutes` is how long driving takes at most, `opens_at` the study's own time of day."""
+
+    title: str
+    intro: str
+    language: str
+    languages: tuple[str, ...]
+    minutes: int
+    minimum_age: int
+    minors_with_guardian: bool
+    controllers: tuple[str, ...]
+    is_draft: bool
+    stand: Stand
+    opens_at: datetime.datetime | None
+    hours: tuple[str, ...]
+    time_zone: str
+
+
+def landing(study: Study, user: Any, own: Participant | None, *, language: str, now: datetime.datetime) -> Landing:
+    """Return the front page of a study as somebody sees it, who takes part as `own`."""
+    definition = study.as_definition()
+    spoken_in = progress.language_of(definition, language)
+    consent = next((step for step in definition.steps if isinstance(step, Consent)), None)
+    return Landing(
+        title=spoken(definition.title, spoken_in),
+        intro=spoken(definition.intro, spoken_in),
+        language=spoken_in,
+        languages=definition.languages,
+        minutes=driving_minutes(definition),
+        minimum_age=consent.minimum_age if consent else 0,
+        minors_with_guardian=consent is not None and consent.minors == "guardian",
+        controllers=controllers(definition),
+        is_draft=study.status == Study.Status.DRAFT,
+        stand=stand(study, user, own, now),
+        opens_at=opening_hours.opens_on_the_wall(study.opening_hours, study.time_zone, now),
+        hours=tuple(in_words(study.opening_hours)),
+        time_zone=study.time_zone,
+    )
+
+
+@dataclass(frozen=True)
+class Invitation:
+    """A study on the home page; `opens_at` is when one that is closed opens, by the clock in its own `time_zone`."""
+
+    slug: str
+    title: str
+    intro: str
+    language: str
+    opens_at: datetime.datetime | None
+    time_zone: str
+
+
+def invitations(language: str, now: datetime.datetime) -> list[Invitation]:
+    """Return the studies that everybody may take part in, now or when they open, in a language as near as they have it."""
+    return [_invitation(study, language, now) for study in progress.visible_studies(now)]
+
+
+def _invitation(study: Study, language: str, now: datetime.datetime) -> Invitation:
+    definition = study.as_definition()
+    spoken_in = progress.language_of(definition, language)
+    opens_at = opening_hours.opens_on_the_wall(study.opening_hours, study.time_zone, now)
+    return Invitation(study.slug, spoken(definition.title, spoken_in), spoken(definition.intro, spoken_in), spoken_in, opens_at, study.time_zone)
+
+
+def stand(study: Study, user: Any, own: Participant | None, now: datetime.datetime) -> Stand:
+    """Return what somebody can do about a study now."""
+    if own is not None and own.status != Participant.Status.FINISHED:
+        return "under_way" if own.status == Participant.Status.ACTIVE else "screened_out"
+    shut = _shut(study, now)
+    if shut is not None or own is not None:
+        return shut or "finished"
+    return _to_newcomers(study, user)
+
+
+def _shut(study: Study, now: datetime.datetime) -> Literal["closed", "shut"] | None:
+    if study.status == Study.Status.CLOSED:
+        return "closed"
+    return None if progress.is_open(study, now) else "shut"
+
+
+def _to_newcomers(study: Study, user: Any) -> Stand:
+    kind = progress.kind_of(user, study)
+    if study.entry == Study.Entry.PERSONAL and kind != "pilot":
+        return "personal"
+    if progress.is_full(study, "open", kind):
+        return "full"
+    return "welcome" if user.is_authenticated else "stranger"
+
+
+def driving_minutes(definition: Definition) -> int:
+    """Return how many minutes somebody drives at most."""
+    steps = [step for step in definition.steps if isinstance(step, Practice | Task)]
+    often = journey.rounds(definition, "open")
+    return round(sum(step.minutes * (often if step.repeat else 1) for step in steps))
+
+
+def controllers(definition: Definition) -> tuple[Controller, ...]:
+    """Return with what somebody can drive in every condition, in the order of the first."""
+    allowed = [condition.controllers for condition in definition.conditions]
+    return tuple(name for name in (allowed[0] if allowed else ()) if all(name in names for names in allowed))
+
+
+def in_words(hours: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return opening hours as lines to read."""
+    return [f"{_days(span['days'])}, {span['start']}–{span['end']}" for span in hours]
+
+
+def _days(days: Sequence[int]) -> str:
+    ordered = sorted(set(days))
+    if len(ordered) == _WEEK:
+        return _("every day")
+    runs: list[list[int]] = []
+    for day in ordered:
+        if runs and runs[-1][-1] == day - 1:
+            runs[-1].append(day)
+        else:
+            runs.append([day])
+    return ", ".join(str(WEEKDAYS_ABBR[run[0]]) if len(run) == 1 else f"{WEEKDAYS_ABBR[run[0]]}–{WEEKDAYS_ABBR[run[-1]]}" for run in runs)

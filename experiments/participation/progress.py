@@ -1,0 +1,260 @@
+"""Taking part: coming in, standing on a step, going on, coming again. Where steps lead is experiments/participation/journey.py's to say.
+
+A place is changed only where it is still the one that was seen, and a user has one row a study (`Participant.slot`), so that nothing
+here happens twice under a reload, the back button, a second tab or another device. Nothing rests on transactions.
+"""
+
+import datetime
+from collections.abc import Mapping
+from typing import Any
+
+from django.db import IntegrityError, transaction
+from django.db.models import Q, QuerySet
+
+from experiments.definition import opening_hours
+from experiments.definition.schema import AnyStep, Condition, Consent, Debrief, Form
+from experiments.definition.schema import Study as Definition
+from experiments.models import Kind, Participant, StepVisit, Study, StudyMember
+from experiments.participation import assignment, completion, journey
+from experiments.participation.assignment import Access
+from experiments.participation.journey import Place
+from experiments.participation.questions import is_answered
+from surveys.definition import spoken
+
+Status = Participant.Status
+MOST_PARAMETERS, LONGEST_PARAMETER = 10, 100
+
+
+# --- which study -----------------------------------------------------------------------------------------------------
+
+
+def visible_studies(now: datetime.datetime) -> list[Study]:
+    """Return the studies to which everybody is invited, published and with an open link: those that are open now first, then the newest."""
+    found = Study.objects.filter(status=Study.Status.PUBLISHED, entry=Study.Entry.OPEN).order_by("-published_at")
+    return sorted(found, key=lambda study: not is_open(study, now))
+
+
+def is_open(study: Study, now: datetime.datetime) -> bool:
+    """Tell whether a study's opening hours are now."""
+    return opening_hours.is_open(study.opening_hours, study.time_zone, now)
+
+
+def is_member(user: Any, slug: str) -> bool:
+    """Tell whether somebody does research in a study: they see its drafts, and what they do in it never counts."""
+    return bool(user.is_authenticated and user.is_active and (user.is_superuser or StudyMember.objects.filter(slug=slug, user=user).exists()))
+
+
+def study_for(user: Any, slug: str) -> Study | None:
+    """Return the version of a study that somebody gets to see; None when there is none for them.
+
+    Who takes part goes on with the version that they began; researchers see the newest, all others the one that is published, or was.
+    """
+    versions = Study.objects.filter(slug=slug).order_by("-version")
+    own = _under_way_in(user, slug)
+    if own is not None and own.kind != Kind.PILOT:
+        return own.study
+    if is_member(user, slug):
+        return versions.first()
+    return versions.filter(status=Study.Status.PUBLISHED).first() or versions.filter(status=Study.Status.CLOSED).first()
+
+
+def _under_way_in(user: Any, slug: str) -> Participant | None:
+    if not user.is_authenticated:
+        return None
+    under_way = Q(status=Status.ACTIVE) | Q(kind=Kind.BOT)  # a bot comes again to the version that it was made for, be it a draft
+    own = Participant.objects.filter(under_way, user=user, study__slug=slug).select_related("study")
+    return own.order_by("-created_at").first()
+
+
+def found(study: Study, user: Any) -> Participant | None:
+    """Return somebody's row in a study, or None."""
+    if not user.is_authenticated:
+        return None
+    return Participant.objects.filter(slot=_slot(study, user)).select_related("study", "user").first()
+
+
+def _slot(study: Study, user: Any) -> str:
+    return f"{study.pk}:{user.pk}"
+
+
+# --- coming in -------------------------------------------------------------------------------------------------------
+
+
+def enter(
+    study: Study,
+    user: Any,
+    *,
+    access: Access,
+    recruitment: Mapping[str, str],
+    kind: str = Kind.PARTICIPANT,
+    language: str = "",
+    now: datetime.datetime,
+) -> Participant:
+    """Return somebody's row in a study, made when they have none; a second call changes nothing but a better access before assignment."""
+    definition = study.as_definition()
+    way = journey.route(definition, journey.rounds(definition, access), 1)
+    start = journey.begin(way)
+    fields = {
+        "access": access, "recruitment": kept_parameters(recruitment), "kind": kind, "language": language_of(definition, language),
+        "visit": start.visit, "round": start.round, "step": start.step, "created_at": now, "seen_at": now, "user": user,
+    }  # fmt: skip
+    try:
+        with transaction.atomic():
+            Participant.objects.create(study=study, slot=_slot(study, user), **fields)
+    except IntegrityError:
+        if access == "invitation":
+            Participant.objects.filter(slot=_slot(study, user), cell="", access="open").update(access=access)
+    participant = Participant.objects.select_related("study", "user").get(slot=_slot(study, user))
+    see(participant, now)
+    return participant
+
+
+def kind_of(user: Any, study: Study) -> str:
+    """Return as what somebody takes part who comes by a page: researchers try their study out."""
+    return Kind.PILOT if is_member(user, study.slug) else Kind.PARTICIPANT
+
+
+def kept_parameters(given: Mapping[str, str]) -> dict[str, str]:
+    """Return the recruitment parameters of a link that are kept: the first ones, cut, without what cannot be seen."""
+    clean = {name[:LONGEST_PARAMETER]: value[:LONGEST_PARAMETER] for name, value in given.items() if (name + value).isprintable() and name}
+    return dict(list(clean.items())[:MOST_PARAMETERS])
+
+
+def language_of(study: Definition, wanted: str) -> str:
+    """Return the language in which a study speaks to somebody who reads `wanted` ("es", "es-mx")."""
+    names = (wanted, wanted.split("-", maxsplit=1)[0], *study.languages)
+    return next(name for name in names if name in study.languages)
+
+
+def title_of(study: Study, wanted: str) -> str:
+    """Return what a study is called by somebody who reads `wanted`."""
+    definition = study.as_definition()
+    return spoken(definition.title, language_of(definition, wanted))
+
+
+def is_full(study: Study, access: Access, kind: str = Kind.PARTICIPANT) -> bool:
+    """Tell whether nobody new can get a place: every cell has its quota, or there is none for those who came that way."""
+    definition = study.as_definition()
+    return assignment.choose(assignment.cells(definition, access), held(study, kind), definition.allocation.quota, 0) is None
+
+
+def held(study: Study, kind: str) -> list[assignment.Held]:
+    """Return the places of a study that people of one kind hold, or held."""
+    rows = Participant.objects.filter(study=study, kind=kind).exclude(cell="").values_list("cell", "stage")
+    return [assignment.Held(cell, stage) for cell, stage in rows]
+
+
+# --- where they are --------------------------------------------------------------------------------------------------
+
+
+def place(participant: Participant) -> Place:
+    """Return where a participant stands, as it was read."""
+    return Place(participant.visit, participant.round, participant.step)
+
+
+def step_of(participant: Participant) -> AnyStep:
+    """Return the step on which a participant stands."""
+    return journey.step_at(participant.study.as_definition(), place(participant))
+
+
+def way_of(participant: Participant) -> tuple[Place, ...]:
+    """Return all places of a participant's visit."""
+    definition = participant.study.as_definition()
+    number = len(participant.conditions) or journey.rounds(definition, _access(participant))
+    return journey.route(definition, number, participant.visit)
+
+
+def _access(participant: Participant) -> Access:
+    return "invitation" if participant.access == "invitation" else "open"
+
+
+def wanted_condition(participant: Participant, study: Definition) -> Condition | None:
+    """Return the condition of a participant's round; None before the assignment."""
+    if participant.round >= len(participant.conditions):
+        return None
+    return study.condition(participant.conditions[participant.round])
+
+
+def has_place(participant: Participant) -> bool:
+    """Tell whether somebody holds a place in a cell; who never moved the robot gave it back, and is drawn anew."""
+    return participant.stage not in {Participant.Stage.UNASSIGNED, Participant.Stage.FREED}
+
+
+def open_conditions(participant: Participant) -> tuple[Condition, ...]:
+    """Return the conditions that a participant may get in this round: the one that was assigned, else all that are open to them."""
+    definition = participant.study.as_definition()
+    assigned = wanted_condition(participant, definition) if has_place(participant) else None
+    if assigned is not None:
+        return (assigned,)
+    return tuple(condition for condition in definition.conditions if condition.access == _access(participant))
+
+
+def see(participant: Participant, now: datetime.datetime) -> None:
+    """Note that a participant is looking at their step: the first time it began."""
+    Participant.objects.filter(pk=participant.pk).update(seen_at=now)
+    where = {"visit": participant.visit, "round": participant.round, "step": participant.step}
+    StepVisit.objects.get_or_create(participant=participant, **where, defaults={"began_at": now})
+
+
+def go_on(participant: Participant, here: Place, now: datetime.datetime) -> bool:
+    """Lead a participant on from a place; False, and nothing done, when they are elsewhere.
+
+    Whoever arrives at the debriefing, or leaves the last step, is done.
+    """
+    try:
+        there = journey.following(way_of(participant), here, _skipped(participant))
+    except journey.NoPlaceError:
+        return False
+    standing = Participant.objects.filter(pk=participant.pk, status=Status.ACTIVE, visit=here.visit, round=here.round, step=here.step)
+    if standing.exists():
+        _finish(participant, here, now)  # before they are led on: what is cut off between the two is done again
+    moved = standing.update(**({"round": there.round, "step": there.step} if there is not None else {"status": Status.FINISHED}))
+    participant.refresh_from_db()
+    if not moved:
+        return False
+    _arrive(participant, is_end=there is None, now=now)
+    return True
+
+
+def _finish(participant: Participant, here: Place, now: datetime.datetime) -> None:
+    seen = StepVisit.objects.filter(participant=participant, visit=here.visit, round=here.round, step=here.step)
+    seen.filter(finished_at=None).update(finished_at=now)
+
+
+def _arrive(participant: Participant, *, is_end: bool, now: datetime.datetime) -> None:
+    if not is_end:
+        see(participant, now)
+    if is_end or isinstance(step_of(participant), Debrief):
+        completion.conclude(participant, now)
+
+
+def _skipped(participant: Participant) -> set[str]:
+    """Return the steps that were done for good: what was agreed to, and questions about the person that were answered."""
+    agreed = set(participant.consents.values_list("step", "version"))
+    definition = participant.study.as_definition()
+    consents = {step.key for step in definition.steps if isinstance(step, Consent) and (step.key, step.version) in agreed}
+    forms = {step.key for step in definition.steps if isinstance(step, Form) and is_answered(participant, Place(1, 0, step.key), step)}
+    return consents | forms
+
+
+def come_again(participant: Participant, now: datetime.datetime) -> bool:
+    """Begin another visit of somebody who has finished one; False when they have not. The cell stays."""
+    definition = participant.study.as_definition()
+    way = journey.route(definition, len(participant.conditions) or journey.rounds(definition, _access(participant)), participant.visit + 1)
+    start = journey.begin(way, _skipped(participant))
+    rows = Participant.objects.filter(pk=participant.pk, status=Status.FINISHED, visit=participant.visit)
+    moved = rows.update(status=Status.ACTIVE, visit=start.visit, round=start.round, step=start.step)
+    participant.refresh_from_db()
+    if moved:
+        see(participant, now)
+    return bool(moved)
+
+
+def screen_out(participant: Participant, now: datetime.datetime) -> None:
+    """Turn away somebody whom the study's rules exclude."""
+    completion.close(participant, Status.SCREENED_OUT, completion.SCREENED_OUT, now)
+
+
+def of_user(user: Any) -> "QuerySet[Participant]":
+    """Return everything in which somebody takes part, the newest first."""
+    return Participant.objects.filter(user=user).select_related("study").order_by("-created_at")

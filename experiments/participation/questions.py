@@ -1,0 +1,78 @@
+"""The questionnaires of a study: which one a step asks, and a participant's response to it at a place.
+
+The context of a response names participant and place, so that each is answered once: questions about the person once for good, all
+others once a visit and round.
+"""
+
+import datetime
+import secrets
+
+from experiments.definition.schema import Form, Questionnaire
+from experiments.models import Participant
+from experiments.participation.journey import Place
+from surveys import questionnaires, responses
+from surveys.models import SEED_LIMIT, Response
+from surveys.models import Questionnaire as Row
+from surveys.responses import Context, Respondent
+
+CONTEXT = "study"
+
+
+def context_of_all(participant: Participant) -> str:
+    """Return how the contexts of all of a participant's responses begin."""
+    return f"{CONTEXT}/{participant.pk}/"
+
+
+def context_key(participant: Participant, place: Place, step: Form | Questionnaire) -> str:
+    """Return the context of a response."""
+    where = Place(1, 0, place.step) if isinstance(step, Form) else place
+    return context_of_all(participant) + where.word
+
+
+def is_answered(participant: Participant, place: Place, step: Form | Questionnaire) -> bool:
+    """Tell whether the questions of a step are answered to the end."""
+    given = Response.objects.filter(context=context_key(participant, place, step), questionnaire__slug=step.questionnaire)
+    return given.filter(finished_at__isnull=False).exists()
+
+
+def questionnaire_of(step: Form | Questionnaire, now: datetime.datetime) -> Row:
+    """Return the version that a step asks; one that comes with the site is put into the database if it is not there yet.
+
+    Raises:
+        Row.DoesNotExist: nobody knows it.
+    """
+    row = Row.objects.filter(slug=step.questionnaire, version=step.version).first()
+    if row is not None:
+        return row
+    definition = questionnaires.shipped().get(step.questionnaire)
+    if definition is None or definition.version != step.version:
+        raise Row.DoesNotExist(f"no questionnaire {step.questionnaire} {step.version}")
+    return questionnaires.store(definition, now)
+
+
+def ask(
+    participant: Participant,
+    place: Place,
+    step: Form | Questionnaire,
+    *,
+    robot: tuple[str, ...],
+    outcome: str,
+    return_to: str,
+    now: datetime.datetime,
+) -> Response:
+    """Return a participant's response at a place, begun at the first call. `robot` are the words by which the one that was driven goes.
+
+    Raises:
+        Row.DoesNotExist: nobody knows the questionnaire.
+        BadDefinitionError: it is a template.
+    """
+    context = Context(
+        key=context_key(participant, place, step),
+        label=f"{participant.study.title} · {step.key} · {participant.code}",
+        robot=robot,
+        outcome=outcome,
+        return_to=return_to,
+    )
+    seed = secrets.randbelow(SEED_LIMIT)
+    respondent = Respondent(user=participant.user)
+    return responses.begin(questionnaire_of(step, now), respondent, context, language=participant.language, seed=seed, now=now)

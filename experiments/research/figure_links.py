@@ -1,0 +1,62 @@
+"""A figure as a part of a page: each of its parts leads somewhere, and nothing in it needs a style that the page's policy forbids.
+
+matplotlib writes `style` attributes, which a Content-Security-Policy without `unsafe-inline` ignores; all that it says there can be said
+by presentation attributes. Ids get the figure's name before them, because a page holds several figures.
+"""
+
+import re
+from collections.abc import Callable
+from xml.etree import ElementTree as ET
+
+SVG, XLINK = "http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"
+HREF = f"{{{XLINK}}}href"
+_URL = re.compile(r"url\(#")
+# matplotlib's style element says these of every element; an attribute of the root is inherited.
+_INHERITED = {"stroke-linejoin": "round", "stroke-linecap": "butt"}
+
+
+def linked(svg: bytes, name: str, title: str, address: Callable[[str], str]) -> str:
+    """Return an SVG for a page.
+
+    Args:
+        svg: a figure as experiments.analysis.figures.drawing wrote it: nobody else's file.
+        name: of the figure, before every id.
+        title: what it shows, for those who do not see it.
+        address: gives the address behind a part by its id, or nothing.
+    """
+    ET.register_namespace("", SVG)
+    ET.register_namespace("xlink", XLINK)
+    root = ET.fromstring(svg)  # noqa: S314 -- our own
+    for parent in list(root.iter()):
+        for place, child in reversed(list(enumerate(parent))):
+            if child.tag in {f"{{{SVG}}}metadata", f"{{{SVG}}}style"}:
+                parent.remove(child)
+            elif found := address(child.get("id", "")):
+                parent[place] = _link(child, found)
+    for part in root.iter():
+        _plain(part, name)
+    root.attrib |= _INHERITED | {"role": "img", "aria-label": title}
+    width = float(root.get("width", "504pt").removesuffix("pt"))
+    root.attrib.pop("height", None)
+    root.set("width", f"{width * 4 / 3:.0f}")
+    return ET.tostring(root, encoding="unicode")
+
+
+def _link(part: ET.Element, address: str) -> ET.Element:
+    link = ET.Element(f"{{{SVG}}}a", {"href": address})
+    link.append(part)
+    return link
+
+
+def _plain(part: ET.Element, name: str) -> None:
+    for declaration in part.attrib.pop("style", "").split(";"):
+        key, _, value = declaration.partition(":")
+        if value.strip():
+            part.set(key.strip(), value.strip())
+    for key, value in list(part.attrib.items()):
+        if key == "id":
+            part.set(key, f"{name}-{value}")
+        elif key == HREF and value.startswith("#"):
+            part.set(key, f"#{name}-{value[1:]}")
+        elif "url(#" in value:
+            part.set(key, _URL.sub(f"url(#{name}-", value))

@@ -1,0 +1,199 @@
+"""Pages for researchers while a study runs and afterwards: the live view, and the replay of a session."""
+
+import uuid
+from typing import Any
+
+import msgspec
+from asgiref.sync import async_to_sync
+from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
+from django.shortcuts import get_object_or_404, render
+from django.urls import reverse
+from django.utils import timezone
+from django.utils.translation import get_language
+from django.utils.translation import gettext as _
+from django.views.decorators.cache import never_cache
+from django.views.decorators.gzip import gzip_page
+from django.views.decorators.http import require_POST, require_safe
+
+from accounts import audit
+from accounts.attempts import Attempts
+from accounts.rate_limits import limited
+from experiments.models import Drive, Study
+from experiments.participation.robot_eligibility import is_lent
+from experiments.research import interventions, live
+from experiments.research.access import for_role, may, session_for
+from experiments.research.replay import photos_of, replay
+from robots.access import may_observe, may_operate
+from robots.api.messages import ServerNews
+from robots.bridge import bridge as mqtt_bridge
+from robots.models import Robot
+from robots.views import plan_content
+from sessions.models import Session
+
+BROKER_PATIENCE_SECONDS = 1.0
+LIVE, ACTS = Attempts("live", limit=240), Attempts("live-act", limit=60)
+# Everything that replay.js needs, so that the browser fetches it at once and not one after the other.
+REPLAY_MODULES = (
+    "replay/event_list", "replay/map", "replay/player", "replay/readings", "replay/record", "replay/strips", "replay/timeline",
+    "map/floor_plan", "map/overlay", "map/transform", "lib/words",
+)  # fmt: skip
+
+# --- live ------------------------------------------------------------------------------------------------------------
+
+
+@never_cache
+@require_safe
+@for_role("viewer")
+def live_page(request: HttpRequest, slug: str) -> HttpResponse:
+    """Show who is where in a study, and keep it fresh."""
+    study = Study.objects.filter(slug=slug).order_by("-version").first()
+    if study is None:
+        raise Http404
+    acts, robots = may(request.user, slug, "researcher"), live.robots_of(slug)
+    config = {
+        "data": reverse("study_live_data", args=[slug]),
+        "act": reverse("study_live_act", args=[slug]) if acts else None,
+        "watch": {robot.name: reverse("drive", args=[robot.name]) for robot in robots if acts and may_observe(request.user, robot)},
+        "replay": reverse("replay", args=[uuid.UUID(int=0)]),
+        "sites": {robot.name: plan_content(robot.floor_plan) for robot in robots if robot.floor_plan},
+    }
+    return render(request, "experiments/research/live.html", {"study": study, "config": config, "acts": acts})
+
+
+@never_cache
+@require_safe
+@limited(LIVE, reading=True, json=True)
+@for_role("viewer")
+def live_data(_request: HttpRequest, slug: str) -> JsonResponse:
+    """Answer with what happens in a study now."""
+    return JsonResponse(live.now_in(slug, get_language() or "en", timezone.now()))
+
+
+@require_POST
+@limited(ACTS, json=True)
+def live_act(request: HttpRequest, slug: str) -> JsonResponse:
+    """Do what a researcher asks: `act` is message, end, hold or release, on a `session` or `robot`, with a `text`."""
+    verdict = _act(request, slug)
+    if isinstance(verdict, ServerNews):
+        verdict = _say(request, verdict)
+    return JsonResponse({"problem": verdict}, status=409 if verdict else 200)
+
+
+def _say(request: HttpRequest, news: ServerNews) -> str:
+    """Say something to a visitor, and write down what was said; return what is wrong."""
+    if not async_to_sync(_tell)(news):  # on the server's own loop, where the bridge lives
+        return _("The message could not be sent: the broker is away.")
+    interventions.note_message(news.session, news.text, request.user, timezone.now())
+    return ""
+
+
+async def _tell(news: ServerNews) -> bool:
+    bridge = mqtt_bridge.current()
+    return await bridge.wait_connected(BROKER_PATIENCE_SECONDS) and bridge.tell_session(news)
+
+
+def _act(request: HttpRequest, slug: str) -> str | ServerNews:
+    """Carry out an act; return what is wrong, or a message that has still to be sent.
+
+    Raises:
+        Http404: there is no such study, session or robot for whoever asks.
+    """
+    if not may(request.user, slug, "researcher"):
+        raise Http404
+    act, text = request.POST.get("act", ""), request.POST.get("text", "").strip()
+    if act not in {"message", "end", "hold", "release"}:
+        return _("There is no such act.")
+    if not text and act != "release":
+        return _("Say what, or why.")
+    if act in {"hold", "release"}:
+        return _hold(request, slug, act, text)
+    return _on_session(request, slug, act, text)
+
+
+def _hold(request: HttpRequest, slug: str, act: str, text: str) -> str:
+    robot: Robot | None = next((robot for robot in live.robots_of(slug) if robot.name == request.POST.get("robot")), None)
+    if robot is None or not (may_operate(request.user, robot) or is_lent(robot, slug)):
+        raise Http404
+    if act == "hold":
+        interventions.hold(robot, text, request.user, timezone.now())
+        return ""
+    return "" if interventions.release(robot, request.user, timezone.now()) else _("Its visits go on already.")
+
+
+def _on_session(request: HttpRequest, slug: str, act: str, text: str) -> str | ServerNews:
+    try:
+        key = uuid.UUID(request.POST.get("session", ""))
+    except ValueError as error:
+        raise Http404 from error
+    drive = get_object_or_404(Drive.objects.select_related("session"), session=key, participant__study__slug=slug)
+    session, now = drive.session, timezone.now()
+    if session.state == Session.State.ENDED:
+        return _("The session is over already.")
+    if act == "end":
+        return "" if interventions.end_session(session, text, request.user, now) else _("The session is over already.")
+    return ServerNews(type="message", stamp=now.timestamp(), session=str(session.pk), text=text[: interventions.LONGEST])
+
+
+# --- replay ----------------------------------------------------------------------------------------------------------
+
+
+@never_cache
+@require_safe
+def replay_page(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
+    """Show a session again."""
+    row, drive, photos = session_for(request.user, session)
+    audit.note("session_opened", actor=request.user, person=row.visitor_id, study=drive.participant.study.slug if drive else "", thing=row)
+    begin = (row.granted_at or row.queued_at).timestamp()
+    shown = [{"t": at, "url": reverse("replay_photo", args=[row.pk, photo.pk])} for at, photo in photos_of(row, begin)] if photos else []
+    context = {
+        "session": row,
+        "drive": drive,
+        "who": drive.participant.code if drive else row.visitor.shown_name,
+        "admin": request.user.is_staff and request.user.has_perm("telepresence_sessions.view_session"),
+        "outcome": _outcome(row, drive),
+        "condition": _condition(drive) if drive is not None else "",
+        "config": _config(row, shown),
+        "modules": [f"js/{name}.js" for name in REPLAY_MODULES],
+    }
+    return render(request, "experiments/research/replay.html", context)
+
+
+def _outcome(session: Session, drive: Drive | None) -> str:
+    """Return how the task ended, or the session, or where it stands."""
+    outcome = (drive.outcome if drive is not None else "") or session.outcome
+    return str(Session.Outcome(outcome).label if outcome in Session.Outcome.values else session.get_state_display())
+
+
+def _condition(drive: Drive) -> str:
+    return live.condition_title(drive.participant.study.as_definition(), drive.condition, get_language() or "en")
+
+
+def _config(session: Session, photos: list[dict[str, Any]]) -> dict[str, Any]:
+    robot = session.robot
+    return {
+        "data": reverse("replay_data", args=[session.pk]),
+        "site": plan_content(robot.floor_plan) if robot.floor_plan else None,
+        "footprint": (robot.factsheet or {}).get("footprint", []),
+        "photos": photos,
+    }
+
+
+@never_cache
+@require_safe
+@gzip_page
+def replay_data(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
+    """Answer with the record of a session, compact."""
+    row, drive, _photos = session_for(request.user, session)
+    return HttpResponse(msgspec.json.encode(replay(row, drive)), content_type="application/json")
+
+
+@require_safe
+def replay_photo(request: HttpRequest, session: uuid.UUID, photo: uuid.UUID) -> HttpResponse:
+    """Answer with a photo of the session."""
+    row, _drive, photos = session_for(request.user, session)
+    found = row.snapshots.filter(pk=photo).first() if photos else None
+    if found is None:
+        raise Http404
+    audit.note("photo_opened", actor=request.user, person=row.visitor_id, thing=found)
+    headers = {"Cache-Control": "private, max-age=3600", "X-Content-Type-Options": "nosniff"}
+    return HttpResponse(bytes(found.jpeg), content_type="image/jpeg", headers=headers)

@@ -1,0 +1,313 @@
+"""Participants and drives in the administration: to look at, and to exclude drives with a reason. Nothing is edited or deleted."""
+
+import json
+from typing import Any
+
+from django.contrib import admin, messages
+from django.db.models import Exists, OuterRef, QuerySet
+from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
+from django.shortcuts import render
+from django.urls import URLPattern, path, reverse
+from django.utils import timezone
+from django.utils.html import format_html, format_html_join
+from django.utils.safestring import SafeString
+from django.utils.translation import gettext as _now
+from django.utils.translation import gettext_lazy as _
+from django.views.decorators.cache import never_cache
+
+from accounts import audit
+from experiments.definition import publishing
+from experiments.models import Drive, Participant, Rehearsal, Study
+from experiments.research.access import may
+from experiments.research.study_access import OfStudies
+from robots.admin import NOTHING, link_to
+
+LEAST_REASON, MOST_REASON = 3, 300
+
+
+class StudyFilter(admin.SimpleListFilter):
+    """Studies that whoever asks has a part in."""
+
+    title = _("study")
+    parameter_name = "study"
+    way = "study"
+
+    def lookups(self, request: HttpRequest, model_admin: Any) -> list[tuple[str, str]]:
+        """Return their versions, newest first."""
+        rows = model_admin.get_queryset(request)
+        found = Study.objects.filter(pk__in=rows.order_by().values_list(self.way).distinct())
+        return [(str(row.pk), str(row)) for row in found]
+
+    def queryset(self, _request: HttpRequest, queryset: Any) -> Any:
+        """Return what belongs to the chosen one; an address that was made up chooses none."""
+        known = {choice for choice, _title in self.lookup_choices}
+        if self.value() is None:
+            return queryset
+        return queryset.filter(**{self.way: self.value()}) if self.value() in known else queryset.none()
+
+
+class StudyOfDriveFilter(StudyFilter):
+    """The same for drives."""
+
+    way = "participant__study"
+
+
+class ExcludedFilter(admin.SimpleListFilter):
+    """Drives that somebody excluded."""
+
+    title = _("excluded")
+    parameter_name = "excluded"
+
+    def lookups(self, _request: HttpRequest, _model_admin: Any) -> list[tuple[str, Any]]:
+        """Return yes and no."""
+        return [("yes", _("excluded")), ("no", _("not excluded"))]
+
+    def queryset(self, _request: HttpRequest, queryset: Any) -> Any:
+        """Return those."""
+        rows: dict[str | None, Any] = {"yes": queryset.exclude(excluded_reason=""), "no": queryset.filter(excluded_reason="")}
+        return rows.get(self.value(), queryset)
+
+
+class MismatchFilter(admin.SimpleListFilter):
+    """Drives in which something was not as the condition says."""
+
+    title = _("condition applied")
+    parameter_name = "applied"
+
+    def lookups(self, _request: HttpRequest, _model_admin: Any) -> list[tuple[str, Any]]:
+        """Return yes and no."""
+        return [("yes", _("as assigned")), ("no", _("differs"))]
+
+    def queryset(self, _request: HttpRequest, queryset: Any) -> Any:
+        """Return those."""
+        rows: dict[str | None, Any] = {"yes": queryset.filter(mismatches=[]), "no": queryset.exclude(mismatches=[])}
+        return rows.get(self.value(), queryset)
+
+
+@admin.register(Participant)
+class ParticipantAdmin(OfStudies):
+    """Who takes part. Viewers see codes, not people."""
+
+    study = "study"
+    show_full_result_count = False
+    list_display = ("code", "study", "kind", "status", "where", "condition", "drive_count", "created_at", "seen_at")
+    list_filter = (StudyFilter, "kind", "status", "stage", "completion", "access", "language")
+    list_select_related = ("study", "user")
+    list_per_page = 50
+    search_fields = ("code",)
+    date_hierarchy = "created_at"
+    readonly_fields = ("person", "drives_told")
+
+    def get_fieldsets(self, request: HttpRequest, obj: Participant | None = None) -> list[tuple[Any, dict[str, Any]]]:
+        """The person is shown to researchers alone."""
+        is_known = obj is not None and may(request.user, obj.study.slug, "researcher")
+        who = ("code", "study", "kind", "access", "language", *(("person", "recruitment", "age") if is_known else ()))
+        return [
+            (None, {"fields": who}),
+            (_("Assignment"), {"fields": ("cell", "conditions", "candidates", "draw_seed", "assigned_at", "stage")}),
+            (_("Where they are"), {"fields": ("status", "visit", "step", "round", "created_at", "seen_at", "finished_at", "completion")}),
+            (_("Withdrawn"), {"fields": ("withdrawn_at", "withdrawn_step")}),
+            (_("Drives"), {"fields": ("drives_told",)}),
+        ]
+
+    def get_queryset(self, request: HttpRequest) -> "QuerySet[Participant]":
+        """Tell in the same query who has driven."""
+        rows: QuerySet[Participant] = super().get_queryset(request)
+        return rows.annotate(has_driven=Exists(Drive.objects.filter(participant=OuterRef("pk"))))
+
+    def change_view(self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: Any = None) -> HttpResponse:
+        """Note who was shown which person."""
+        row: Any = self.get_object(request, object_id)
+        if row is not None and may(request.user, row.study.slug, "researcher"):
+            audit.note("person_opened", actor=request.user, person=row.user_id, study=row.study.slug, thing=row)
+        return super().change_view(request, object_id, form_url, extra_context)
+
+    @admin.display(description=_("person"))
+    def person(self, row: Participant) -> str:
+        """Return the user's shown name."""
+        return row.user.shown_name if row.user is not None else NOTHING
+
+    @admin.display(description=_("at step"), ordering="step")
+    def where(self, row: Participant) -> str:
+        """Return the step on which they stand."""
+        return row.step or NOTHING
+
+    @admin.display(description=_("condition"), ordering="cell")
+    def condition(self, row: Participant) -> str:
+        """Return their conditions in order."""
+        return ", ".join(row.conditions) or NOTHING
+
+    @admin.display(description=_("drives"), boolean=True)
+    def drive_count(self, row: Participant) -> bool:
+        """Tell whether they ever had the robot."""
+        return bool(getattr(row, "has_driven", False))
+
+    @admin.display(description=_("drives"))
+    def drives_told(self, row: Participant) -> str | SafeString:
+        """Return their drives with links."""
+        drives = row.drives.order_by("number")
+        lines = ((link_to("admin:experiments_drive_change", f"{one.number} · {one.condition} · {one.outcome or NOTHING}", one.pk),) for one in drives)
+        return format_html_join(format_html("<br>"), "{}", lines) or NOTHING
+
+
+@admin.register(Drive)
+class DriveAdmin(OfStudies):
+    """Drives: what was assigned, what was applied, how the task went; excluded and taken back with a reason."""
+
+    study = "participant__study"
+    show_full_result_count = False
+    list_display = ("granted_at", "code", "study_name", "number", "condition", "exposed", "outcome", "as_assigned", "is_counted")
+    list_filter = (StudyOfDriveFilter, "participant__kind", "participant__status", "condition", "outcome", "exposed", MismatchFilter, ExcludedFilter)
+    list_select_related = ("participant__study", "session")
+    list_per_page = 50
+    search_fields = ("participant__code",)
+    date_hierarchy = "granted_at"
+    readonly_fields = (
+        "code",
+        "study_name",
+        "session_link",
+        "replay",
+        "assigned_told",
+        "applied_told",
+        "result_told",
+        "ends_told",
+        "differs",
+        "excluded",
+    )
+    fieldsets = (
+        (None, {"fields": ("code", "study_name", "session_link", "replay", "step", "visit", "round", "number", "condition", "seed")}),
+        (_("How it went"), {"fields": ("granted_at", "exposed", "outcome", "settled_at", "result_told", "ends_told")}),
+        (_("Condition"), {"fields": ("differs", "assigned_told", "applied_told")}),
+        (_("Excluded"), {"fields": ("excluded",)}),
+    )
+    change_form_template = "admin/experiments/drive/change_form.html"
+
+    @admin.display(description=_("participant"), ordering="participant__code")
+    def code(self, row: Drive) -> str | SafeString:
+        """Return the participant's code, with a link."""
+        return link_to("admin:experiments_participant_change", row.participant.code, row.participant_id)
+
+    @admin.display(description=_("study"), ordering="participant__study")
+    def study_name(self, row: Drive) -> str:
+        """Return the study and its version."""
+        return f"{row.participant.study.slug} {row.participant.study.version}"
+
+    @admin.display(description=_("as assigned"), boolean=True)
+    def as_assigned(self, row: Drive) -> bool:
+        """Tell whether everything was as the condition says."""
+        return not row.mismatches
+
+    @admin.display(description=_("counts"), boolean=True)
+    def is_counted(self, row: Drive) -> bool:
+        """Tell whether nobody excluded it."""
+        return not row.excluded_reason
+
+    @admin.display(description=_("session"))
+    def session_link(self, row: Drive) -> str | SafeString:
+        """Return the way to the session."""
+        return link_to("admin:telepresence_sessions_session_change", row.session_id, row.session_id)
+
+    @admin.display(description=_("replay"))
+    def replay(self, row: Drive) -> str | SafeString:
+        """Return the way to its replay."""
+        return link_to("replay", _now("Replay"), row.session_id)
+
+    @admin.display(description=_("assigned"))
+    def assigned_told(self, row: Drive) -> str | SafeString:
+        """Return what was assigned."""
+        return _shown(row.assigned)
+
+    @admin.display(description=_("applied"))
+    def applied_told(self, row: Drive) -> str | SafeString:
+        """Return what was in force."""
+        return _shown(row.applied)
+
+    @admin.display(description=_("result"))
+    def result_told(self, row: Drive) -> str | SafeString:
+        """Return what the task came to."""
+        return _shown(row.result)
+
+    @admin.display(description=_("robot at the beginning and at the end"))
+    def ends_told(self, row: Drive) -> str | SafeString:
+        """Return how the robot stood in the first and in the last state."""
+        return _shown({"began": row.began_with, "ended": row.ended_with} if row.began_with or row.ended_with else {})
+
+    @admin.display(description=_("differs"))
+    def differs(self, row: Drive) -> str:
+        """Return what was not as assigned."""
+        return ", ".join(row.mismatches) or NOTHING
+
+    @admin.display(description=_("excluded"))
+    def excluded(self, row: Drive) -> str:
+        """Return who excluded it, when and why."""
+        if not row.excluded_reason:
+            return _now("no")
+        who = row.excluded_by.shown_name if row.excluded_by is not None else NOTHING
+        return f"{row.excluded_reason} ({who}, {timezone.localtime(row.excluded_at):%Y-%m-%d %H:%M})" if row.excluded_at else row.excluded_reason
+
+    def get_urls(self) -> list[URLPattern]:
+        """Add the page that excludes."""
+        page = self.admin_site.admin_view(never_cache(self.exclude_view))
+        return [path("<uuid:pk>/exclude/", page, name="experiments_drive_exclude"), *super().get_urls()]
+
+    def render_change_form(self, request: HttpRequest, context: dict[str, Any], *args: Any, **options: Any) -> Any:
+        """Offer exclusion to researchers."""
+        row = context.get("original")
+        context["may_exclude"] = row is not None and may(request.user, row.participant.study.slug, "researcher")
+        return super().render_change_form(request, context, *args, **options)
+
+    def exclude_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
+        """Ask why a drive is excluded, or taken back; both need a reason, and both are noted."""
+        row = Drive.objects.select_related("participant__study").filter(pk=pk).first()
+        if row is None or not may(request.user, row.participant.study.slug, "researcher"):
+            raise Http404
+        reason, error = request.POST.get("reason", "").strip(), ""
+        if request.method == "POST":
+            error = "" if LEAST_REASON <= len(reason) <= MOST_REASON else _now("Write a reason, in at most %(n)d characters.") % {"n": MOST_REASON}
+            if not error:
+                self._set(request, row, reason, exclude="exclude" in request.POST)
+                return HttpResponseRedirect(reverse("admin:experiments_drive_change", args=[row.pk]))
+        title = _now("Take back the exclusion") if row.excluded_reason else _now("Exclude this drive")
+        context = self.admin_site.each_context(request) | {"title": title, "opts": self.opts, "drive": row, "error": error, "reason": reason}
+        return render(request, "admin/experiments/drive/exclude.html", context)
+
+    @staticmethod
+    def _set(request: HttpRequest, row: Drive, reason: str, *, exclude: bool) -> None:
+        act = "drive_excluded" if exclude else "drive_included"
+        audit.note(act, actor=request.user, person=row.participant.user_id, study=row.participant.study.slug, thing=row)
+        told = {"excluded_reason": reason, "excluded_by": request.user, "excluded_at": timezone.now()}
+        rows = Drive.objects.filter(pk=row.pk)
+        if exclude:
+            rows.update(**told)
+            publishing.log(row, request.user, f"Excluded: {reason}")
+            messages.success(request, _now("The drive is excluded; tables are made with and without."))
+        else:
+            rows.update(excluded_reason="", excluded_by=None, excluded_at=None)
+            publishing.log(row, request.user, f"Not excluded any more: {reason} (was: {row.excluded_reason})")
+            messages.success(request, _now("The drive counts again."))
+
+
+@admin.register(Rehearsal)
+class RehearsalAdmin(OfStudies):
+    """Dress rehearsals, and what they found."""
+
+    study = "study"
+    list_display = ("began_at", "study", "finished_at", "passed", "is_of_this_definition")
+    list_filter = (StudyFilter, "passed")
+    list_select_related = ("study",)
+    fields = ("study", "began_at", "finished_at", "passed", "is_of_this_definition", "told")
+    readonly_fields = ("is_of_this_definition", "told")
+
+    @admin.display(description=_("of the definition as it is now"), boolean=True)
+    def is_of_this_definition(self, row: Rehearsal) -> bool:
+        """Tell whether nothing was changed since."""
+        return row.sha256 == row.study.sha256
+
+    @admin.display(description=_("report"))
+    def told(self, row: Rehearsal) -> str | SafeString:
+        """Return what was found."""
+        return _shown(row.report)
+
+
+def _shown(content: Any) -> str | SafeString:
+    return format_html("<pre>{}</pre>", json.dumps(content, indent=2, ensure_ascii=False)) if content else NOTHING

@@ -1,0 +1,94 @@
+"""What the task engine is fed with, from what is heard of a session while it lives, and from its stored record: the same from both.
+
+A state's time is its stamp less the robot's clock offset, one for the whole drive; so is a photo's. Everything else has the time at which the
+server received it, which the record keeps.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Any, get_args
+
+import msgspec
+
+from experiments.definition.schema import Outcome
+from experiments.models import Drive
+from experiments.tasks.records import Ended, FirstFrame, Input, PhotoAnswer, PhotoFailed, PhotoTaken, Record, seen
+from robots.api.messages import ActionStatus, Event, State
+from sessions.models import Session, SessionEvent, StateChunk
+from sessions.protocol import PageEvent
+from sessions.recording.batches import in_parts
+
+CHOICES = ("keep", "again", "skip")
+TASK = "task"  # the reason of a session that the task has ended: its outcome is the task's own
+
+
+def of_message(message: object, received_at: float, offset: float) -> Input | None:
+    """Return what a message means for the task; None when nothing. Unix seconds, `offset` the robot's clock minus ours."""
+    match message:
+        case PageEvent(stamp=stamp, type=kind, data=data):
+            return _of_page(kind, stamp, received_at, data)
+        case Event(stamp=stamp, type="photo", action_id=str(action)):
+            return PhotoTaken(stamp - offset, action)
+        case ActionStatus(action_id=action, type="photo", status="FAILED"):
+            return PhotoFailed(received_at, action)
+    return None
+
+
+def of_event(event: SessionEvent, offset: float) -> Input | None:
+    """Return what a stored event means for the task; None when nothing."""
+    data = event.data
+    if event.source == SessionEvent.Source.PAGE:
+        return _of_page(event.type, event.stamp, event.received_at, data)
+    if event.source == SessionEvent.Source.ROBOT and isinstance(data.get("actionId"), str):
+        if event.type == "photo":
+            return PhotoTaken(event.stamp - offset, data["actionId"])
+        if event.type == "action" and (data.get("type"), data.get("status")) == ("photo", "FAILED"):
+            return PhotoFailed(event.received_at, data["actionId"])
+    return None
+
+
+def _of_page(kind: str, stamp: float, received_at: float, data: Mapping[str, Any]) -> Input | None:
+    if kind == "first_frame":
+        return FirstFrame(received_at, repr(stamp))
+    if kind == "photo_answer" and data.get("choice") in CHOICES:
+        said = data.get("id")  # the page says it again, as the same one, until it is understood
+        return PhotoAnswer(received_at, said if isinstance(said, str) and said else repr(stamp), data["choice"])
+    return None
+
+
+def ended(session: Session) -> Ended | None:
+    """Return the end of a session as the task takes it: leaving it is no way to complete it. None while it lives."""
+    if session.ended_at is None or session.outcome not in get_args(Outcome):
+        return None
+    left = session.outcome == Session.Outcome.COMPLETED and session.outcome_reason != TASK
+    outcome: Outcome = "cancelled" if left else session.outcome
+    return Ended(session.ended_at.timestamp(), str(session.pk), outcome)
+
+
+def offset_of(drive: Drive) -> float:
+    """Return the robot's clock minus ours for a drive: what was decided while it lived, else the first that was measured in its record."""
+    if drive.clock_offset is not None:
+        return drive.clock_offset
+    measured = StateChunk.objects.filter(session=drive.session_id, clock_offset__isnull=False).order_by("received_at", "first_seq")
+    return measured.values_list("clock_offset", flat=True).first() or 0.0
+
+
+def states_of(drive: Drive) -> Iterator[State]:
+    """Yield the stored states of a drive as they came from the robot."""
+    chunks = StateChunk.objects.filter(session=drive.session_id).order_by("received_at", "first_seq")
+    for chunk in in_parts(chunks.only("states"), 200):
+        yield from msgspec.convert(chunk.states, list[State])
+
+
+def events_of(drive: Drive) -> Iterator[SessionEvent]:
+    """Yield the stored events of a drive in the order of their stamps."""
+    yield from in_parts(SessionEvent.objects.filter(session=drive.session_id), 500)
+
+
+def stored(drive: Drive, offset: float) -> Iterator[Record]:
+    """Yield all that the record of a drive has for the task, but for the session's end."""
+    for state in states_of(drive):
+        yield seen(state, offset)
+    for event in events_of(drive):
+        record = of_event(event, offset)
+        if record is not None:
+            yield record

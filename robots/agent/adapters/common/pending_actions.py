@@ -1,0 +1,165 @@
+"""What was ordered of an RCA and has not ended: which errand, until when, and what becomes of it. Pure: `now` is given.
+
+An errand that moves the base, one that moves the head and one that tells the robot where it is may run at once; of each the newer
+replaces the older. Some RCAs say when they are done, others only do it: arriving in the dock, leaving it, the head's angle and the
+pose are seen in the readings. That an order was sent never means that it was obeyed. Docking has
+ended when the robot is docked (robots/api/docked.py), undocking when its contacts are apart.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from robots.agent.robot_interface import NOWHERE, ActionProgress
+from robots.api.docked import DockState
+from robots.api.geometry import wrap_angle
+from robots.api.messages import ActionState, Pose
+
+LONGEST_TILT = 15.0  # seconds
+LONGEST_DOCKING = 300.0
+LONGEST_RELOCALIZATION = 10.0
+TILT_REACHED = 0.02  # radians
+
+Kind = Literal["goto", "dock", "undock", "tilt", "relocalize"]
+
+
+@dataclass(frozen=True)
+class Area:
+    """Where a robot that was told so should find itself: a square in map metres, and a heading in radians unless that was not told.
+
+    `settles` is how many seconds after the order a pose counts: an RCA that says its pose all the time says the old one first.
+    """
+
+    x: float
+    y: float
+    half_width: float
+    theta: float | None = None
+    half_turn: float = math.pi
+    settles: float = 0.0
+
+    def holds(self, pose: Pose) -> bool:
+        """Return whether a pose is in here."""
+        near = max(abs(pose.x - self.x), abs(pose.y - self.y)) <= self.half_width
+        return near and (self.theta is None or abs(wrap_angle(pose.theta - self.theta)) <= self.half_turn)
+
+
+@dataclass
+class Errand:
+    """`goal` is a point in map metres for goto, the angle twice for tilt; `began`, `deadline` and `over_at` are monotonic seconds.
+
+    `place` is the goal by name, `area` where a relocalized robot should find itself, `over_at` when the RCA said that it is done.
+    """
+
+    action_id: str
+    kind: Kind
+    began: float
+    goal: tuple[float, float] | None = None
+    deadline: float = math.inf
+    seen_running: bool = False
+    place: str = ""
+    area: Area | None = None
+    over_at: float = math.inf
+
+
+class Errands:
+    """The errands of one robot; `tell` hears what becomes of them."""
+
+    def __init__(self, tell: Callable[[ActionProgress], None]) -> None:
+        self.drive: Errand | None = None
+        self.head: Errand | None = None
+        self.whereabouts: Errand | None = None
+        self._tell = tell
+
+    def begin(self, errand: Errand) -> None:
+        """Take an errand that the RCA has accepted."""
+        if errand.kind == "tilt":
+            self._end(self.head, "CANCELLED", "replaced")
+            self.head = errand
+        elif errand.kind == "relocalize":
+            self._end(self.whereabouts, "CANCELLED", "replaced")
+            self.whereabouts = errand
+        else:
+            self._end(self.drive, "CANCELLED", "replaced")
+            self.drive = errand
+        self._tell(ActionProgress(errand.action_id, "RUNNING"))
+
+    def of(self, action_id: str) -> Errand | None:
+        """Return a running errand by its action."""
+        return next((each for each in (self.drive, self.head, self.whereabouts) if each is not None and each.action_id == action_id), None)
+
+    def end(self, action_id: str, status: ActionState, reason: str = "") -> None:
+        """Say what became of an errand; nothing when it has ended before."""
+        self._end(self.of(action_id), status, reason)
+
+    def end_drive(self, status: ActionState, reason: str = "", *kinds: Kind) -> None:
+        """Say what became of whatever moves the base, or only of errands of these kinds."""
+        if self.drive is not None and (not kinds or self.drive.kind in kinds):
+            self._end(self.drive, status, reason)
+
+    def end_all(self, reason: str) -> None:
+        """The RCA is gone, and what it was doing with it."""
+        for errand in (self.drive, self.head, self.whereabouts):
+            self._end(errand, "FAILED", reason)
+
+    def watch(self, now: float, *, dock: DockState, tilt: float | None, pose: Pose = NOWHERE, fixed_at: float = -math.inf) -> Errand | None:
+        """Look whether something was reached, or takes too long; return what moves the base and took too long, to be taken back.
+
+        Args:
+            now: monotonic seconds.
+            dock: whether the robot is docked, and whether its contacts meet.
+            tilt: the head's angle in radians, None when unknown.
+            pose: where the robot says that it is.
+            fixed_at: when its localization said so last, monotonic seconds.
+        """
+        self._watch_head(now, tilt)
+        self._watch_whereabouts(now, pose, fixed_at)
+        drive = self.drive
+        if drive is None:
+            return None
+        if (drive.kind == "dock" and dock.docked) or (drive.kind == "undock" and not dock.touching):
+            self._end(drive, "FINISHED", "")
+        elif now > drive.deadline:
+            self._end(drive, "FAILED", "it takes too long")
+            return drive
+        return None
+
+    def _watch_head(self, now: float, tilt: float | None) -> None:
+        head = self.head
+        if head is None or head.goal is None:
+            return
+        if tilt is not None and abs(tilt - head.goal[0]) < TILT_REACHED:
+            self._end(head, "FINISHED", "")
+        elif now > head.deadline:
+            self._end(head, "FAILED", "the head does not get there")
+
+    def _watch_whereabouts(self, now: float, pose: Pose, fixed_at: float) -> None:
+        errand = self.whereabouts
+        if errand is None or errand.area is None:
+            return
+        is_news = fixed_at > errand.began + errand.area.settles
+        if is_news and pose.localized and errand.area.holds(pose):
+            self._end(errand, "FINISHED", "")
+        elif now > errand.deadline:
+            self._end(errand, "FAILED", _astray(pose, is_news=is_news))
+
+    def _end(self, errand: Errand | None, status: ActionState, reason: str) -> None:
+        if errand is None:
+            return
+        if errand is self.head:
+            self.head = None
+        elif errand is self.whereabouts:
+            self.whereabouts = None
+        elif errand is self.drive:
+            self.drive = None
+        else:
+            return
+        self._tell(ActionProgress(errand.action_id, status, reason))
+
+
+def _astray(pose: Pose, *, is_news: bool) -> str:
+    if not is_news:
+        return "the robot's localization does not answer"
+    if not pose.localized:
+        return "the robot still does not know where it is"
+    return f"the robot does not find itself there: it says that it is at {pose.x:.1f}, {pose.y:.1f}"

@@ -1,0 +1,366 @@
+"""What all adapters of an RCA outside of the agent have in common: everything but the words that the RCA understands.
+
+A subclass says how to reach it (`_open`, `_shut`, `_cut`), how a velocity is said (`_drive`), how to find out that it reads what it
+is told (`_ask`), and what it can be told to do (`_order`, `_withdraw`, `_turn_head`). Whatever it hears goes into `readings`, what
+becomes of orders into `errands`, and its end into `_lose`. When the robot may be told to move, velocity_gate.py decides.
+
+Longer than most files: it is every member of the contract, in its order.
+"""
+
+import asyncio
+import contextlib
+import logging
+import math
+import time
+from abc import ABC, abstractmethod
+from collections.abc import AsyncIterator
+from typing import Any
+
+from robots.agent.adapters.common.pending_actions import LONGEST_DOCKING, LONGEST_TILT, Errand, Errands
+from robots.agent.adapters.common.progress_queue import ProgressQueue
+from robots.agent.adapters.common.robot_profile import BatteryRange, RobotProfile
+from robots.agent.adapters.common.state_builder import Readings
+from robots.agent.adapters.common.velocity_gate import GateParams, VelocityGate
+from robots.agent.robot_interface import ActionProgress, AdapterError, AudioSource, Profile, RcaState, VideoSource
+from robots.agent.safety.ramp import ZERO
+from robots.api import docked
+from robots.api.docked import DockReading, DockState
+from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Tilt, Undock, Velocity
+from robots.cancellation import cancel
+
+CONNECT_TIME = 5.0
+FIRST_READING = 5.0
+SILENCE = 1.0
+PERIOD = 0.08  # seconds after which a state is said again when the RCA has nothing new
+GLANCE = 0.05  # seconds between two looks after errands
+BRAKING_TIME = 2.0
+STANDSTILL = 0.01
+GATE = GateParams()
+
+log = logging.getLogger(__name__)
+
+
+def profile_of(robot: RobotProfile, rca: str, watchdog: float, *, own: tuple[Capability, ...] = ()) -> Profile:
+    """Return a robot's share of the factsheet; `own` is what it can do besides driving, in this RCA."""
+    tilts = robot.tilt is not None and "tilt" in own
+    capabilities = ("velocity", *(name for name in own if name != "tilt" or tilts))
+    return Profile(
+        series=robot.series, rca=rca, capabilities=capabilities, limits=robot.limits, footprint=robot.footprint, watchdog=watchdog,
+        tilt=robot.tilt if tilts else None, laser=robot.laser if "scan" in own else None, camera=robot.camera,
+        sonars=robot.sonars, bumper=robot.bumper, depth=robot.depth,
+    )  # fmt: skip
+
+
+class RemoteAdapter(ABC):
+    """See contract.Adapter. `place` names the RCA and where it is, for sentences; `vital` what it must not stop saying."""
+
+    place = "the robot control architecture"
+    vital = "its readings"
+    must_answer = True  # whether an RCA that does not answer is lost while its readings come
+
+    def __init__(self, profile: Profile, battery: BatteryRange | None = None) -> None:
+        self.profile = profile
+        self._battery = battery
+        self.readings = Readings(battery)
+        self.errands = Errands(self._tell)
+        self._gate = VelocityGate(GATE, time.monotonic())
+        self._failure = "not connected"
+        self._progress = ProgressQueue()
+        self._news = asyncio.Event()
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    # --- what a subclass says --------------------------------------------------------------------------------------------
+
+    @abstractmethod
+    async def _open(self) -> None:
+        """Reach the RCA and begin to listen.
+
+        Raises:
+            AdapterError, OSError, TimeoutError: it cannot be reached.
+        """
+
+    @abstractmethod
+    async def _shut(self) -> None:
+        """Let go of the RCA; called also when it was never reached, or lost."""
+
+    @abstractmethod
+    def _drive(self, velocity: Velocity) -> None:
+        """Say a velocity, at once.
+
+        Raises:
+            AdapterError: the RCA does not take it.
+        """
+
+    async def _ask(self) -> None:  # noqa: B027 -- not every RCA can be asked
+        """Ask the RCA something and wait for its answer: it has read then what it was told before.
+
+        Raises:
+            AdapterError: it is gone.
+        """
+
+    def _cut(self) -> None:  # noqa: B027 -- not every RCA needs it
+        """Throw away what the lost RCA was told and has not got yet; at once."""
+
+    def _unheard(self) -> str:
+        """Return why nobody would hear a velocity, in a sentence, "" while somebody does."""
+        return ""
+
+    async def _settle(self) -> None:  # noqa: B027 -- not every RCA needs it
+        """Wait, a moment at most, for what takes its time after the first reading."""
+
+    def _why_silent(self) -> str:
+        """Return why the RCA says nothing of what is vital, in a sentence, "" when nobody knows."""
+        return ""
+
+    async def _order(self, action: Action) -> Errand:
+        """Tell the RCA to do something; return what to wait for, because to have told it is not to have done it.
+
+        Raises:
+            AdapterError: not possible.
+        """
+        raise AdapterError(f"{self.profile.series} cannot do {type(action).__name__.lower()}")
+
+    async def _withdraw(self, errand: Errand) -> None:  # noqa: B027 -- not every RCA needs it
+        """Take an order back."""
+
+    def _look(self, now: float) -> None:  # noqa: B027 -- not every RCA needs it
+        """Look after what only time tells; called twenty times a second."""
+
+    def _turn_head(self, angle: float) -> None:  # noqa: B027 -- not every RCA needs it
+        """Tilt the head to an angle in radians."""
+
+    # --- what a subclass uses --------------------------------------------------------------------------------------------
+
+    def _heard(self) -> None:
+        """Take that the robot said something of itself: wake whoever waits for states, and tell it what it may be told now."""
+        self._news.set()
+        now = time.monotonic()
+        self._gate.heard(now)
+        self._consider(now)
+
+    def _consider(self, now: float) -> None:
+        if not self._failure and self._gate.ask(now):
+            self._run(self._ask_and_drive())
+
+    async def _ask_and_drive(self) -> None:
+        await self._ask()
+        velocity = self._gate.answered(time.monotonic())
+        if velocity is not None and not self._failure:
+            self._drive(velocity)
+
+    def _tell_to_stand(self, now: float) -> None:
+        self._gate.stood(now)
+        self._drive(ZERO)
+
+    def _lose(self, reason: str) -> None:
+        """Say that the RCA is gone, and why; the first reason counts."""
+        if not self._failure:
+            self._failure = reason
+            log.warning("rca_lost", extra={"rca": self.profile.rca, "reason": reason})
+            self._cut()
+        self._news.set()
+
+    def _run(self, work: Any) -> None:
+        """Run a coroutine for as long as the connection holds; it says itself when it fails."""
+        task = asyncio.ensure_future(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._ended)
+
+    def _ended(self, task: asyncio.Task[None]) -> None:
+        self._tasks.discard(task)
+        if not task.cancelled() and (error := task.exception()) is not None:
+            self._lose(str(error) or type(error).__name__)
+
+    def _errand(self, action: Action) -> Errand:
+        """Return what to wait for after an order was accepted."""
+        now = time.monotonic()
+        match action:
+            case Goto(x=x, y=y) if x is not None and y is not None:
+                return Errand(action.action_id, "goto", now, (x, y))
+            case Goto(place=place):
+                return Errand(action.action_id, "goto", now, place=place or "")
+            case Dock():
+                return Errand(action.action_id, "dock", now, deadline=now + LONGEST_DOCKING)
+            case _:
+                return Errand(action.action_id, "undock", now, deadline=now + LONGEST_DOCKING)
+
+    # --- the contract ----------------------------------------------------------------------------------------------------
+
+    async def connect(self) -> None:
+        """Reach the RCA, and hear where the robot is.
+
+        Raises:
+            AdapterError: it cannot be reached, or says nothing.
+        """
+        await self._let_go("reconnecting")
+        self.readings = Readings(self._battery)
+        self._failure = ""
+        try:
+            async with asyncio.timeout(CONNECT_TIME):
+                await self._open()
+            self._gate = VelocityGate(GATE, time.monotonic())
+            self._tell_to_stand(time.monotonic())  # whoever was here before may have driven
+            await self._first_reading()
+            await self._settle()
+            self._run(self._watch())
+        except (OSError, TimeoutError) as error:
+            await self._let_go("not connected")
+            raise AdapterError(f"{self.place} does not answer: {error or type(error).__name__}") from error
+        except AdapterError:
+            await self._let_go("not connected")
+            raise
+        log.info("rca_connected", extra={"rca": self.profile.rca, "place": self.place})
+
+    async def _first_reading(self) -> None:
+        try:
+            async with asyncio.timeout(FIRST_READING):
+                while self.readings.heard_at == -math.inf and not self._failure:
+                    self._news.clear()
+                    await self._news.wait()
+        except TimeoutError as error:
+            why = self._why_silent()
+            raise AdapterError(f"{self.place} is there, and says nothing of {self.vital}" + (f": {why}" if why else "")) from error
+        if self._failure:
+            raise AdapterError(self._failure)
+
+    def apply(self, velocity: Velocity) -> Velocity:
+        """Send a velocity, within the base's limits; zero while nobody takes what moves the robot.
+
+        Raises:
+            AdapterError: the RCA is gone.
+        """
+        if self._failure:
+            raise AdapterError(self._failure)
+        limits = self.profile.limits
+        sent = Velocity(
+            linear=min(max(velocity.linear, -limits.reverse), limits.linear), angular=min(max(velocity.angular, -limits.angular), limits.angular)
+        )
+        now = time.monotonic()
+        if sent == ZERO or self._gate.shut(now) or self._unheard():
+            if sent == ZERO or self._gate.moving:
+                self._tell_to_stand(now)
+            return ZERO
+        self._gate.want(sent, now)
+        self._consider(now)
+        return sent
+
+    async def start(self, action: Action) -> None:
+        """Begin an action.
+
+        Raises:
+            AdapterError: this robot cannot do that, or not so.
+        """
+        if self._failure:
+            raise AdapterError(self._failure)
+        if isinstance(action, Tilt):
+            self._tilt(action)
+            return
+        name = str(type(action).__struct_config__.tag)
+        if name not in self.profile.capabilities or not isinstance(action, Goto | Dock | Undock | Relocalize):
+            raise AdapterError(f"{self.profile.series} cannot do {name}")
+        self.errands.begin(await self._order(action))
+
+    def _tilt(self, action: Tilt) -> None:
+        reach = self.profile.tilt
+        if reach is None:
+            raise AdapterError(f"{self.profile.series} cannot do tilt")
+        if not reach.minimum <= action.angle <= reach.maximum:
+            raise AdapterError(f"the head tilts from {reach.minimum:g} to {reach.maximum:g} rad, not to {action.angle:g}")
+        self._turn_head(action.angle)
+        now = time.monotonic()
+        self.errands.begin(Errand(action.action_id, "tilt", now, (action.angle, action.angle), now + LONGEST_TILT))
+
+    async def cancel(self, action_id: str) -> None:
+        """Cancel an action; unknown ids are ignored."""
+        errand = self.errands.of(action_id)
+        if errand is None:
+            return
+        if errand.kind == "tilt" and self.readings.tilt is not None:
+            self._turn_head(self.readings.tilt)
+        elif errand.kind not in {"tilt", "relocalize"}:
+            await self._withdraw(errand)
+        self.errands.end(action_id, "CANCELLED", "cancelled")
+
+    async def states(self) -> AsyncIterator[RcaState]:
+        """Yield a state for everything new that the RCA says, and at 12 Hz when it says the same.
+
+        Raises:
+            AdapterError: the RCA is gone, or silent for a second.
+        """
+        while True:
+            now = time.monotonic()
+            if not self._failure and now - self.readings.heard_at > SILENCE:
+                self._lose(f"{self.place} says nothing of {self.vital} any more")
+            if not self._failure and self.must_answer and self._gate.unanswered(now) > SILENCE:
+                self._lose(f"{self.place} does not answer any more")
+            if self._failure:
+                self.errands.end_all(self._failure)
+                raise AdapterError(self._failure)
+            yield self.readings.state(time.time())
+            await self._something_new()
+
+    async def _something_new(self) -> None:
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(PERIOD):
+                while not (self.readings.fresh or self._failure):
+                    self._news.clear()
+                    await self._news.wait()
+
+    async def _watch(self) -> None:
+        dock = DockState()
+        while True:
+            now = time.monotonic()
+            if self._gate.moving and self._gate.shut(now):
+                self._tell_to_stand(now)
+            self._look(now)
+            readings = self.readings
+            velocity = readings.velocity
+            reading = DockReading(at=now, contact=readings.charger_contact, linear=velocity.linear, angular=velocity.angular)
+            dock = docked.follow(docked.DOCKED, dock, reading)
+            late = self.errands.watch(now, dock=dock, tilt=readings.tilt, pose=readings.pose, fixed_at=readings.fixed_at)
+            if late is not None:
+                with contextlib.suppress(AdapterError):
+                    await self._withdraw(late)  # what was told to have failed must not go on
+            await asyncio.sleep(GLANCE)
+
+    async def progress(self) -> AsyncIterator[ActionProgress]:
+        """Yield how far actions are."""
+        while True:
+            yield await self._progress.get()
+
+    def video(self) -> VideoSource | None:
+        """Return no camera: the RCA gives none."""
+        return None
+
+    def audio(self) -> AudioSource | None:
+        """Return no microphone: the RCA gives none."""
+        return None
+
+    def configure(self, config: Any) -> None:  # noqa: B027 -- not every RCA needs it
+        """Ignore a `Config`: nothing in it is the RCA's."""
+
+    async def close(self) -> None:
+        """Brake, wait for the stand, and let go."""
+        if not self._failure:
+            with contextlib.suppress(AdapterError, TimeoutError):
+                await self._stand()
+        await self._let_go("closed")
+
+    async def _stand(self) -> None:
+        async with asyncio.timeout(BRAKING_TIME):
+            while not self._failure:
+                self._drive(ZERO)
+                velocity = self.readings.velocity
+                await asyncio.sleep(0.05)
+                if abs(velocity.linear) < STANDSTILL and abs(velocity.angular) < STANDSTILL:
+                    return
+
+    async def _let_go(self, why: str) -> None:
+        self._failure = why
+        self._news.set()
+        await cancel(*self._tasks)
+        await self._shut()
+        self.errands.end_all("the robot was lost" if why != "closed" else "the agent ends")
+
+    def _tell(self, progress: ActionProgress) -> None:
+        self._progress.put(progress)

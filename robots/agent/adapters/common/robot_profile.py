@@ -1,0 +1,160 @@
+"""What is fixed about one real robot, in a TOML file: shipped under a name in profiles/, or anywhere as a path that ends in .toml.
+
+series = "giraff"                      how the site calls this kind of robot
+footprint = [[0.3, -0.2], …]           convex, metres in the robot's frame
+[limits]  [tilt]  [laser]  [camera]  [battery]   as in the factsheet; SI units and radians
+[[sonars]]  bumper = true  [depth]       sensors for obstacles, as in contract.py, whose readings the adapter gives
+[moos]  [ros1]  …                      what one adapter must know about this robot; options of the command line overrule it
+
+Each adapter's table states its `watchdog`, the seconds after which the base stops by itself when velocities no longer come: no adapter has
+a default, and no option overrules it, for it is a property of the base. A section or key that nobody reads is an error, case and all:
+what is written there was meant to count.
+"""
+
+import difflib
+import tomllib
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+from msgspec import Struct
+
+from robots.agent.robot_interface import AdapterError, DepthCamera, Sonar
+from robots.agent.safety.ramp import check_times
+from robots.api.messages import Camera, Laser, Limits, Name, Point, TiltRange
+
+SHIPPED = Path(__file__).parents[1] / "profiles"
+ADAPTERS = ("moos", "openmora_mqtt", "ros1", "ros2", "rosbridge")  # the shipped ones of real robots, whose tables any profile may have
+SAID = {"yes": True, "on": True, "no": False, "off": False}  # besides true, false, 1, 0
+Settings = TypeVar("Settings", bound=Struct)
+
+
+class BatteryRange(Struct, frozen=True):
+    """Volts of an empty and of a full battery; between them the charge is taken as linear."""
+
+    empty: float
+    full: float
+
+    def charge(self, voltage: float) -> float:
+        """Return how full a battery with this voltage is, from 0 to 1."""
+        return min(1.0, max(0.0, (voltage - self.empty) / (self.full - self.empty)))
+
+
+class RobotProfile(Struct, frozen=True):
+    """One robot. `adapters` holds the table of each adapter, unchecked."""
+
+    series: Name
+    footprint: tuple[Point, ...]
+    limits: Limits
+    tilt: TiltRange | None = None
+    laser: Laser | None = None
+    camera: Camera | None = None
+    battery: BatteryRange | None = None
+    sonars: tuple[Sonar, ...] = ()
+    bumper: bool = False
+    depth: DepthCamera | None = None
+    adapters: dict[str, dict[str, Any]] = {}
+
+
+SECTIONS: dict[str, type[Struct]] = {"limits": Limits, "tilt": TiltRange, "laser": Laser, "camera": Camera, "battery": BatteryRange}
+SHARED = frozenset({"series", "footprint", "sonars", "bumper", "depth", *SECTIONS})
+
+
+def nearest(word: str, known: Collection[str]) -> str:
+    """Return what to say after a name that nobody knows: the one that was meant, or all of them."""
+    close = difflib.get_close_matches(word.lower(), known, 1)
+    return f"did you mean {close[0]}?" if close else f"there are {', '.join(sorted(known))}"
+
+
+def load_profile(name: str) -> RobotProfile:
+    """Return a robot by its shipped name or by the path of its file.
+
+    Raises:
+        AdapterError: no such file, or something in it cannot be; one sentence.
+    """
+    path = Path(name) if name.endswith(".toml") else SHIPPED / f"{name}.toml"
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        return _checked(content)
+    except FileNotFoundError as error:
+        known = ", ".join(sorted(each.stem for each in SHIPPED.glob("*.toml")))
+        raise AdapterError(f"no robot profile {name!r}; there are {known}, or give the path of a .toml file") from error
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, msgspec.ValidationError, ValueError) as error:
+        raise AdapterError(f"the robot profile {path} cannot be used: {error}") from error
+
+
+def settings_of(kind: type[Settings], adapter: str, profile: RobotProfile, options: Mapping[str, Any]) -> Settings:
+    """Return an adapter's settings: its defaults, overruled by the profile's table, overruled by the options of this run.
+
+    A `watchdog` among them is the profile's own.
+
+    Raises:
+        AdapterError: a section or an option that nobody knows, one that is not what it should be, or no watchdog; one sentence.
+    """
+    given = {name.replace("-", "_"): value for name, value in options.items()}
+    stated = profile.adapters.get(adapter, {})
+    try:
+        _check_names(kind, adapter, profile, [*stated, *given])
+        if "watchdog" in kind.__struct_fields__:
+            _check_watchdog(adapter, profile, given)
+        return msgspec.convert(_switched(kind, {**stated, **given}), kind, strict=False)
+    except msgspec.ValidationError as error:
+        raise AdapterError(f"an option of the adapter {adapter!r} is not what it should be: {error}") from error
+    except ValueError as error:
+        raise AdapterError(str(error)) from error
+
+
+def _check_names(kind: type[Struct], adapter: str, profile: RobotProfile, given: Collection[str]) -> None:
+    sections = {*ADAPTERS, adapter}
+    for name in profile.adapters:
+        if name not in sections:
+            raise ValueError(f"the profile of {profile.series} has a section [{name}] that nobody reads; {nearest(name, sections | SECTIONS.keys())}")
+    for name in given:
+        if name not in kind.__struct_fields__:
+            raise ValueError(f"the adapter {adapter!r} has no option {name}; {nearest(name, kind.__struct_fields__)}")
+
+
+def _check_watchdog(adapter: str, profile: RobotProfile, options: Mapping[str, Any]) -> None:
+    if "watchdog" in options:
+        raise ValueError(f"a watchdog is a property of the base: state it in the profile, in the section [{adapter}]")
+    stated = profile.adapters.get(adapter, {})
+    if "watchdog" not in stated:
+        raise ValueError(
+            f"the profile of {profile.series} states no watchdog for {adapter}: write into its section [{adapter}] how many seconds the base goes on "
+            "after the last velocity; `run_robot NAME --check` measures it"
+        )
+    check_times(msgspec.convert(stated["watchdog"], float), profile.limits)
+
+
+def _switched(kind: type[Struct], given: dict[str, Any]) -> dict[str, Any]:
+    switches = {field.name for field in msgspec.structs.fields(kind) if field.type is bool}
+    return {name: SAID.get(str(value).lower(), value) if name in switches else value for name, value in given.items()}
+
+
+def _checked(content: dict[str, Any]) -> RobotProfile:
+    own = {name: content[name] for name in SHARED & set(content)}
+    tables = {name: table for name, table in content.items() if name not in SHARED}
+    stray = sorted(name for name, table in tables.items() if not isinstance(table, dict))
+    if stray:
+        raise ValueError(f"{stray[0]} is nothing that a profile says; {nearest(stray[0], SHARED)}")
+    for name, kind in SECTIONS.items():
+        if isinstance(own.get(name), dict):
+            own[name] = _section(name, kind, own[name])
+    battery = own.get("battery")
+    if isinstance(battery, dict) and not battery.get("empty", 0.0) < battery.get("full", 0.0):
+        raise ValueError("an empty battery has fewer volts than a full one")
+    return msgspec.convert({**own, "adapters": tables}, RobotProfile)
+
+
+def _section(name: str, kind: type[Struct], table: dict[str, Any]) -> dict[str, Any]:
+    """Return a section with its keys as messages have them."""
+    for key in table:
+        if key not in kind.__struct_fields__:
+            raise ValueError(f"[{name}] has no key {key}; {nearest(key, kind.__struct_fields__)}")
+    return {_camel(key): value for key, value in table.items()}
+
+
+def _camel(name: str) -> str:
+    first, *rest = name.split("_")
+    return first + "".join(part.capitalize() for part in rest)

@@ -1,0 +1,73 @@
+"""What waits to be said to an RCA over a connection that takes its time: of velocities the newest and never an old one.
+
+A command that was held up here may not move the robot later: many RCAs obey whatever arrives, whenever it does.
+"""
+
+import asyncio
+import time
+from collections import deque
+from typing import Generic, TypeVar
+
+from robots.agent.robot_interface import AdapterError
+
+COMMAND_AGE = 0.25  # seconds after which a velocity that still waits is dropped
+STUCK = 0.5  # seconds that velocities may wait before the connection counts as gone
+MOST_LETTERS = 200
+
+Letter = TypeVar("Letter")
+
+
+class Outgoing(Generic[Letter]):
+    """Letters in order, and one place for a velocity that a newer one takes over. For one loop."""
+
+    def __init__(self) -> None:
+        self._letters: deque[Letter] = deque()
+        self._velocity: tuple[float, Letter] | None = None
+        self._waiting_since = 0.0
+        self._wake = asyncio.Event()
+
+    def say(self, letter: Letter) -> None:
+        """Let a letter wait for its turn.
+
+        Raises:
+            AdapterError: too many do already.
+        """
+        if len(self._letters) >= MOST_LETTERS:
+            raise AdapterError("the robot control architecture takes no messages")
+        self._letters.append(letter)
+        self._wake.set()
+
+    def drive(self, letter: Letter) -> None:
+        """Let a velocity wait, instead of the one before.
+
+        Raises:
+            AdapterError: velocities have not been taken for a while.
+        """
+        now = time.monotonic()
+        if self._velocity is None:
+            self._waiting_since = now
+        elif now - self._waiting_since > STUCK:
+            raise AdapterError("the robot control architecture takes no commands")
+        self._velocity = (now, letter)
+        self._wake.set()
+
+    def __len__(self) -> int:
+        return len(self._letters) + (self._velocity is not None)
+
+    def clear(self) -> None:
+        """Forget all of it."""
+        self._letters.clear()
+        self._velocity = None
+
+    async def take(self) -> Letter:
+        """Wait for the next letter; velocities go first."""
+        while True:
+            if self._velocity is not None:
+                (at, letter), self._velocity = self._velocity, None
+                if time.monotonic() - at <= COMMAND_AGE:
+                    return letter
+            elif self._letters:
+                return self._letters.popleft()
+            else:
+                self._wake.clear()
+                await self._wake.wait()

@@ -1,0 +1,163 @@
+"""From what an RCA says, piece by piece and at its own pace, to one `RcaState`. Pure: times are given.
+
+Where the RCA localizes itself now and then (amcl only while the robot moves) and counts its wheels always, the pose is carried on
+by the odometry: at the moment of a fix, map_from_odometry = fix * odometry^-1. An RCA that gives poses only gets its velocity from
+them, over a window long enough that the noise of single poses counts little.
+"""
+
+import math
+from collections import deque
+
+import msgspec
+
+from robots.agent.adapters.common.robot_profile import BatteryRange
+from robots.agent.robot_interface import NOWHERE, UNKNOWN_BATTERY, ObstaclePoints, RcaState, SonarEcho
+from robots.agent.safety.ramp import ZERO
+from robots.api.geometry import Pose2D, wrap_angle
+from robots.api.messages import Battery, Pose, Scan, Velocity
+
+REMEMBERED = 200  # odometries: some seconds
+WINDOW = 0.3  # seconds over which poses become a velocity
+FASTEST, FASTEST_TURN = 3.0, 6.0  # m/s and rad/s: what is faster is a new fix, not a motion
+CLOCK_SKEW = 0.5  # seconds by which a stamp may differ from its arrival and still be believed
+TICK = 1e-4  # seconds: stamps grow, whatever clocks do
+
+
+def stamp_of(said: float, arrived: float) -> float:
+    """Return when something was measured: as the RCA says when its clock agrees with ours, when it arrived otherwise."""
+    return said if abs(said - arrived) < CLOCK_SKEW else arrived
+
+
+class Readings:
+    """The newest of everything.
+
+    `heard_at` is the moment (monotonic) at which the RCA last said where or how fast the robot is, `fixed_at` that of its localization.
+    """
+
+    def __init__(self, battery: BatteryRange | None = None) -> None:
+        self.heard_at = self.fixed_at = -math.inf
+        self.fresh = False
+        self.charger_contact = False
+        self.estop = False
+        self.tilt: float | None = None
+        self.errors: tuple[str, ...] = ()
+        self.odometry: Pose2D | None = None
+        self._range = battery
+        self._battery = UNKNOWN_BATTERY
+        self._velocity: Velocity | None = None
+        self._track: deque[tuple[float, Pose2D]] = deque(maxlen=REMEMBERED)
+        self._fix = NOWHERE
+        self._map_from_odometry: Pose2D | None = None
+        self._scan: Scan | None = None
+        self._distance = 0.0
+        self._touching = False
+        self._bumper: tuple[float, ...] | None = None
+        self._sonar: deque[SonarEcho] = deque(maxlen=REMEMBERED)
+        self._points: ObstaclePoints | None = None
+        self._contacts = 0
+        self._said = self._stamp = 0.0
+
+    def moved(self, odometry: Pose2D, velocity: Velocity | None, stamp: float, now: float) -> None:
+        """Take dead reckoning, in a frame that begins anywhere; `velocity` is None when the RCA does not measure it."""
+        self._advance(odometry, stamp)
+        self.odometry, self._velocity = odometry, velocity
+        self._heard(stamp, now)
+
+    def located(self, pose: Pose, stamp: float, now: float) -> None:
+        """Take the RCA's own pose in the map; without odometry it says how the robot moves too."""
+        self._fix, self.fixed_at = pose, now
+        here = Pose2D(pose.x, pose.y, pose.theta)
+        if self.odometry is None:
+            self._advance(here, stamp)
+            self._heard(stamp, now)
+        else:
+            then = min(self._track, key=lambda entry: abs(entry[0] - stamp))[1]
+            self._map_from_odometry = here.compose(then.inverse())
+
+    def corrected(self, map_from_odometry: Pose2D, now: float, score: float = 1.0) -> None:
+        """Take how the frame of the odometry lies in the map, as a localization on tf says it."""
+        self._map_from_odometry, self.fixed_at = map_from_odometry, now
+        self._fix = msgspec.structs.replace(NOWHERE, localized=True, score=score)
+
+    def lost(self, now: float) -> None:
+        """Take that the RCA does not know where it is."""
+        self._fix, self._map_from_odometry, self.fixed_at = NOWHERE, None, now
+
+    def scanned(self, scan: Scan) -> None:
+        """Take a sweep of the laser."""
+        self._scan = scan
+
+    def charged(self, *, voltage: float | None = None, charge: float | None = None, charging: bool | None = None) -> None:
+        """Take the battery, which is charged in the dock and nowhere else; a charge that is not said follows from the volts, if it can."""
+        if charge is None and voltage is not None and self._range is not None:
+            charge = self._range.charge(voltage)
+        known = None if charge is None or not math.isfinite(charge) else min(1.0, max(0.0, charge))
+        self._battery = Battery(charge=known, voltage=voltage, charging=charging)
+        self.charger_contact = charging is True
+
+    def bumped(self, *, touching: bool, bearings: tuple[float, ...] | None = None) -> None:
+        """Take the bumpers: a contact begins when one is pressed; `bearings` are where, in radians in the robot's frame, None if unknown."""
+        self._contacts += touching and not self._touching
+        self._touching, self._bumper = touching, bearings
+
+    def echoed(self, sonar: int, distance: float | None, stamp: float) -> None:
+        """Take what one of the profile's sonars has measured: metres, None where nothing came back."""
+        self._sonar.append(SonarEcho(sonar, stamp, distance))
+
+    def saw(self, points: ObstaclePoints) -> None:
+        """Take what a depth camera sees of obstacles."""
+        self._points = points
+
+    @property
+    def velocity(self) -> Velocity:
+        """How fast the robot moves: as measured, or as its poses say."""
+        return self._velocity if self._velocity is not None else self._estimate()
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot is in the map: its last fix, carried on by the odometry."""
+        if self._map_from_odometry is None or self.odometry is None or not self._fix.localized:
+            return self._fix
+        x, y, theta = self._map_from_odometry.compose(self.odometry)
+        return msgspec.structs.replace(self._fix, x=x, y=y, theta=theta)
+
+    def state(self, unix: float) -> RcaState:
+        """Return all of it; what obstacles were seen is told once. Stamps grow: what only repeats what was known is stamped `unix`, now."""
+        stamp = self._said if self.fresh else unix
+        self._stamp = max(stamp, self._stamp + TICK)
+        self.fresh = False
+        scan, self._scan = self._scan, None
+        points, self._points = self._points, None
+        sonar = tuple(self._sonar)
+        self._sonar.clear()
+        return RcaState(
+            stamp=self._stamp, pose=self.pose, velocity=self.velocity, battery=self._battery, charger_contact=self.charger_contact, tilt=self.tilt,
+            contacts=self._contacts, distance=self._distance, scan=scan, errors=self.errors, estop=self.estop, odometry=self.odometry,
+            sonar=sonar, bumper=self._bumper, points=points,
+        )  # fmt: skip
+
+    def _heard(self, stamp: float, now: float) -> None:
+        self.heard_at, self.fresh, self._said = now, True, stamp
+
+    def _advance(self, here: Pose2D, stamp: float) -> None:
+        if self._track:
+            before_stamp, before = self._track[-1]
+            stamp = max(stamp, before_stamp + TICK)
+            step, turn = before.distance(here), abs(wrap_angle(here.theta - before.theta))
+            elapsed = max(stamp - before_stamp, 0.02)
+            if step > FASTEST * elapsed or turn > FASTEST_TURN * elapsed:
+                self._track.clear()  # it was carried, or found itself elsewhere
+            else:
+                self._distance += step
+        self._track.append((stamp, here))
+
+    def _estimate(self) -> Velocity:
+        if len(self._track) < 2:  # noqa: PLR2004 -- a motion has two ends
+            return ZERO
+        stamp, here = self._track[-1]
+        past = [entry for entry in self._track if stamp - entry[0] <= WINDOW]
+        began, there = past[0]
+        if len(past) < 2 or there == here or stamp - began < WINDOW / 4:  # noqa: PLR2004 -- as above
+            return ZERO
+        moved = there.inverse().compose(here)
+        return Velocity(linear=moved.x / (stamp - began), angular=wrap_angle(here.theta - there.theta) / (stamp - began))

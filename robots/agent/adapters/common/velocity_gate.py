@@ -1,0 +1,111 @@
+"""Whether a robot may be told to move now. Pure: times are given.
+
+A velocity that has left this computer cannot be taken back. The system's socket buffers, here and at
+the peer, keep what a peer that hangs does not read, hand it over when the peer goes on, and on Linux
+even a reset leaves the peer what has arrived already. Many robots obey whatever arrives, however late
+it does. So nothing that moves is sent to a peer that may not read it:
+
+- It is asked first ("are you there?", in the words of each protocol), and the velocity is the reply to
+  its answer. At most one question is open. A peer that hangs leaves its question unanswered, and finds
+  that and a zero in its buffer when it goes on.
+- The robot behind the peer has to be heard, too: of what it says of itself, each reading permits a few
+  velocities, and an old reading none. An unchanged velocity waits for a new reading.
+- A zero is sent at once, whatever happens, and so is the zero that follows when the gate shuts.
+
+What is left: a peer that hangs between its answer and the velocity, a fraction of a millisecond on
+one computer, gets that one velocity late, and the zero behind it at once.
+"""
+
+import math
+from dataclasses import dataclass
+
+from robots.agent.safety.ramp import ZERO
+from robots.api.messages import Velocity
+
+
+@dataclass(frozen=True)
+class GateParams:
+    """All in seconds, but for `orders`."""
+
+    patience: float = 0.25  # for an answer; then no velocity is taken until it comes
+    oldest: float = 0.25  # that a velocity may wait for an answer
+    repeat: float = 0.08  # after which an unchanged velocity is due again, upon the next reading
+    at_latest: float = 0.25  # after which it is due without one
+    freshest: float = 0.4  # that a reading counts, or twice what is usual between two of them
+    longest: float = 1.0  # that a reading counts in any case
+    orders: int = 3  # velocities that move, for each reading
+
+
+class VelocityGate:
+    """One connection's. `now` is monotonic time in seconds."""
+
+    def __init__(self, params: GateParams, now: float) -> None:
+        self._params = params
+        self._heard_at = now
+        self._usual = 0.0
+        self._left = params.orders
+        self._asked_at: float | None = None
+        self._wanted: tuple[Velocity, float] | None = None
+        self._sent = ZERO
+        self._sent_at = -math.inf
+
+    @property
+    def usual(self) -> float:
+        """Return the seconds between two readings, as they mostly are."""
+        return self._usual
+
+    @property
+    def moving(self) -> bool:
+        """Whether the robot was told to move last."""
+        return self._sent != ZERO
+
+    def heard(self, now: float) -> None:
+        """Take that the robot said something of itself."""
+        self._usual += 0.2 * (now - self._heard_at - self._usual)
+        self._heard_at, self._left = now, self._params.orders
+
+    def want(self, velocity: Velocity, now: float) -> None:
+        """Take a velocity that moves, instead of the one before."""
+        self._wanted = velocity, now
+
+    def stood(self, now: float) -> None:
+        """Take that the robot is told to stand, now."""
+        self._wanted, self._sent, self._sent_at = None, ZERO, now
+
+    def ask(self, now: float) -> bool:
+        """Return whether to ask the peer now, and take it as done."""
+        if self._asked_at is not None or not self._due(now) or self.shut(now):
+            return False
+        self._asked_at = now
+        return True
+
+    def answered(self, now: float) -> Velocity | None:
+        """Take the peer's answer; return the velocity to send, None when there is none any more."""
+        late = self._asked_at is None or now - self._asked_at > self._params.patience
+        self._asked_at = None
+        if late or not self._due(now) or self.shut(now) or self._wanted is None:
+            return None
+        self._sent, self._sent_at = self._wanted[0], now
+        self._left -= 1
+        return self._sent
+
+    def shut(self, now: float) -> str:
+        """Return why no velocity is taken now, "" when it is."""
+        if self.unanswered(now) > self._params.patience:
+            return "does not answer"
+        fresh = max(self._params.freshest, 2.0 * self._usual)
+        if now - self._heard_at > min(fresh, self._params.longest):
+            return "says nothing of itself"
+        return ""
+
+    def unanswered(self, now: float) -> float:
+        """Return for how long the peer owes an answer."""
+        return 0.0 if self._asked_at is None else now - self._asked_at
+
+    def _due(self, now: float) -> bool:
+        if self._wanted is None or now - self._wanted[1] > self._params.oldest or self._left < 1:
+            return False
+        if self._wanted[0] != self._sent:
+            return True
+        due = self._sent_at + self._params.repeat
+        return self._heard_at > due or now > self._sent_at + self._params.at_latest

@@ -1,0 +1,177 @@
+"""The words of OpenMORA, the robot architecture of the paper's Giraff, as strings and back. Pure.
+
+The same values travel as variables of MOOS and, prefixed by a time, as MQTT payloads of OpenMORA's MQTTMosquitto module. Angles are in
+degrees there; the head's are counted from its home, which in our words is the profile's `tilt.home`.
+"""
+
+import math
+from dataclasses import dataclass
+
+from robots.agent.adapters.common.pending_actions import LONGEST_RELOCALIZATION, Area, Errand
+from robots.agent.adapters.common.robot_profile import RobotProfile
+from robots.api.geometry import wrap_angle
+from robots.api.messages import Pose, Scan, Velocity
+
+EPOCH = 11_644_473_600.0  # seconds from 1601-01-01 to 1970-01-01: MRPT counts from there
+MOST_RANGES = 2000
+FILTERING = 1.0  # seconds in which the particle filter has taken note of an area: it thinks once for ten scans while the robot stands
+LONGEST_STAMP = 20  # digits
+UNKNOWN = "NULL"
+
+
+class DialectError(ValueError):
+    """The robot said something that these words do not have."""
+
+
+def listed_nodes(text: str) -> frozenset[str]:
+    """Return the names of places that an option lists by comma."""
+    return frozenset(name.strip() for name in text.split(",") if name.strip())
+
+
+@dataclass(frozen=True)
+class Status:
+    """`Status`, ten times a second. `pose`, `voltage` and `charging` are None, and names empty, when the robot does not know."""
+
+    pose: Pose | None
+    place: str
+    destination: str
+    autonomous: bool
+    voltage: float | None
+    charging: bool | None
+
+
+def stamped(text: str, unix: float) -> str:
+    """Return a payload with its time in front: milliseconds since 1601."""
+    return f"{milliseconds(unix)}|{text}"
+
+
+def milliseconds(unix: float) -> int:
+    """Return a time as MRPT's milliseconds."""
+    return round((unix + EPOCH) * 1000.0)
+
+
+def unstamped(payload: bytes) -> tuple[str, float]:
+    """Return a payload without its time, and that in Unix seconds.
+
+    Raises:
+        DialectError: there is none in front.
+    """
+    stamp, bar, text = payload.decode("utf-8", "replace").partition("|")
+    if not bar or not stamp.strip().isdecimal() or len(stamp) > LONGEST_STAMP:
+        raise DialectError("a payload without its time")
+    return text, int(stamp) / 1000.0 - EPOCH
+
+
+def motion(velocity: Velocity) -> str:
+    """Return `v w` in m/s and rad/s."""
+    return f"{velocity.linear:.3f} {velocity.angular:.3f}"
+
+
+def point(x: float, y: float) -> str:
+    """Return `[x y]` in metres."""
+    return f"[{x:.3f} {y:.3f}]"
+
+
+def area(x: float, y: float, half_width: float, particles: int) -> str:
+    """Return `[xmin xmax ymin ymax particles]`, metres: what OpenMORA's particle filter takes as RELOCALIZE_IN_AREA.
+
+    It ignores whatever is no matrix of at least five columns without a word (Localization2D_PF/CPFLocalizationApp.cpp,
+    ProcessParticleFilter). Of the box it takes the middle, and spreads its particles as wide around it as its own X_MIN … Y_MAX say.
+    """
+    return f"[{x - half_width:.3f} {x + half_width:.3f} {y - half_width:.3f} {y + half_width:.3f} {particles}]"
+
+
+def search(action_id: str, x: float, y: float, half_width: float, now: float) -> Errand:
+    """Return what to wait for after a robot was told its `area`: that it says to be in it. A heading cannot be told."""
+    place = Area(x, y, half_width, settles=FILTERING)
+    return Errand(action_id, "relocalize", now, deadline=now + LONGEST_RELOCALIZATION, area=place)
+
+
+def pose_of(text: str) -> Pose | None:
+    """Read `[x y phi]`, brackets and a suffix `deg` or not; None for what is unknown.
+
+    Raises:
+        DialectError: it is none.
+    """
+    if text.strip() in {"", UNKNOWN}:
+        return None
+    parts = text.strip().strip("[]").replace("deg", "").split()
+    try:
+        x, y, degrees = (float(part) for part in parts[:3])
+    except ValueError as error:
+        raise DialectError(f"no pose: {text[:60]!r}") from error
+    if not all(map(math.isfinite, (x, y, degrees))):
+        raise DialectError(f"no pose: {text[:60]!r}")
+    return Pose(x=x, y=y, theta=wrap_angle(math.radians(degrees)))
+
+
+def status_of(text: str) -> Status:
+    """Read `x y phi|place|destination|mode|volts|charging|…`; what newer robots add behind is ignored.
+
+    Raises:
+        DialectError: it is none.
+    """
+    fields = text.split("|")
+    if len(fields) < 6:  # noqa: PLR2004 -- the six above
+        raise DialectError(f"a status of {len(fields)} fields")
+    pose, place, destination, mode, volts, charging = fields[:6]
+    try:
+        voltage = None if volts in {"", UNKNOWN} else float(volts) or None  # 0.00 is a variable that nobody has said yet
+    except ValueError as error:
+        raise DialectError(f"no voltage: {volts[:20]!r}") from error
+    return Status(pose_of(pose), _name(place), _name(destination), mode == "Autonomous", voltage, _truth(charging))
+
+
+def scan_of(text: str, stamp: float, farthest: float) -> Scan:
+    """Read `Aperture a#Nsamples n#Values r r r …` (radians, metres, from right to left); what reaches `farthest` came back from nowhere.
+
+    Raises:
+        DialectError: it is none.
+    """
+    try:
+        aperture, _, values = text.split("#", 2)
+        angle = float(aperture.removeprefix("Aperture "))
+        ranges = [float(value) for value in values.removeprefix("Values").split()[:MOST_RANGES]]
+    except ValueError as error:
+        raise DialectError(f"no laser scan: {text[:40]!r}") from error
+    if len(ranges) < 2 or not 0.0 < angle <= math.tau:  # noqa: PLR2004 -- an angle between beams needs two
+        raise DialectError(f"no laser scan: {text[:40]!r}")
+    return Scan(
+        stamp=stamp, angle_min=-angle / 2.0, angle_increment=angle / (len(ranges) - 1), range_max=farthest,
+        ranges=tuple(value if 0.0 < value < farthest else None for value in ranges),
+    )  # fmt: skip
+
+
+def nodes_of(text: str) -> frozenset[str]:
+    """Return the labels of the places in a topology: those words of it that stand before a type and two numbers."""
+    words = text.replace("#", " ").replace(";", " ").replace(",", " ").replace("[", " ").replace("]", " ").split()
+    found = set()
+    for label, _, x, y in zip(words, words[1:], words[2:], words[3:], strict=False):
+        if _is_number(x) and _is_number(y) and not _is_number(label):
+            found.add(label)
+    return frozenset(found)
+
+
+def head_degrees(angle: float, robot: RobotProfile, sign: float) -> float:
+    """Return our tilt in radians as degrees from the head's home; `sign` is -1 where the robot counts upwards."""
+    return sign * math.degrees(angle - (robot.tilt.home if robot.tilt else 0.0))
+
+
+def tilt_of(degrees: float, robot: RobotProfile, sign: float) -> float:
+    """Return degrees from the head's home as our tilt in radians."""
+    return (robot.tilt.home if robot.tilt else 0.0) + sign * math.radians(degrees)
+
+
+def _name(text: str) -> str:
+    return "" if text.strip() == UNKNOWN else text.strip()
+
+
+def _truth(text: str) -> bool | None:
+    return {"1": True, "0": False}.get(text.strip())
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return False

@@ -1,0 +1,313 @@
+"""The paper's Giraff as it is: OpenMORA's MQTTMosquitto module on a broker of its own, with our age limits in front of it.
+
+Its topics are `<robot>/…`, QoS 0, not retained. It stops half a second after the last `Motion` and two seconds after the last
+`ClientACK`; it obeys a `Motion` however late it comes (CMQTTMosquitto::on_message compares its time with that of the last `ClientACK`,
+not with the clock). So one that waited here too long is not sent at all (outgoing.py), and none is sent to a broker that has not just
+acknowledged a `ClientProbe`, which is of QoS 1 and means nothing to the robot (velocity_gate.py).
+
+The angle of the head is told and never reported: unknown before we told it, then taken to turn as fast as the profile says.
+
+The robot ends a journey to a place by name in manual mode. One to a point leaves it autonomous, arrived or not (only PLAN_FINISHED,
+CANCEL_NAVIGATION and PARKING set manual mode in RobotControlManager/CRobotControllerApp.cpp): it has ended where the robot stays.
+"""
+
+import asyncio
+import contextlib
+import math
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from aiomqtt import Client, MqttError
+from msgspec import Struct
+
+from robots.agent.adapters.common.pending_actions import Errand
+from robots.agent.adapters.common.remote_adapter import RemoteAdapter, profile_of
+from robots.agent.adapters.common.robot_profile import RobotProfile, load_profile, settings_of
+from robots.agent.adapters.common.send_slots import Outgoing
+from robots.agent.adapters.common.sockets import options as socket_options
+from robots.agent.adapters.common.state_builder import stamp_of
+from robots.agent.adapters.moos import openmora
+from robots.agent.broker_link.mqtt import Endpoint
+from robots.agent.robot_interface import AdapterError
+from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Velocity
+
+OWN: tuple[Capability, ...] = ("localization", "scan", "goto", "dock", "relocalize", "tilt")
+HEARD = ("Status", "LaserScan", "Topology", "ErrorMsg", "RobotACK")
+CONNECTING = 4.0
+KEEPALIVE = 5
+ACK_PERIOD = 0.2
+MOTION_MEMORY = 0.6  # seconds after a Motion in which the robot would cancel any new journey with it
+ARRIVED = 0.6  # metres from its goal at which a robot that ended its journey has reached it
+SETTING_OUT = 5.0
+STAYS = 0.1  # metres that the pose of a robot which stands may wander
+STAYED = 1.5  # seconds after which a robot that does not leave its place has ended its journey, if it is where it should be
+GIVEN_UP = 20.0  # seconds after which one that is not has given up
+ERROR_SHOWN = 10.0
+
+
+class Options(Struct, frozen=True, kw_only=True):
+    """`broker` is the robot's own broker, `robot` the first part of its topics.
+
+    `user` is who its session logger says drives (empty: nobody); `range_max` in metres, `tilt_sign` -1 where the head counts upwards;
+    `nodes` are the places that it knows by name, besides those that its topology tells, by comma; `relocalize_…` as in moos.Options.
+    """
+
+    broker: str = "mqtt://127.0.0.1:1883"
+    robot: str = "Giraff"
+    username: str = ""
+    password: str = ""
+    user: str = "telepresence"
+    watchdog: float
+    range_max: float = 30.0
+    tilt_sign: float = 1.0
+    nodes: str = ""
+    relocalize_half_width: float = 1.0
+    relocalize_particles: int = 20000
+
+
+def create(profile_name: str, options: Mapping[str, Any]) -> "OpenMoraMqttAdapter":
+    """Return an adapter for a robot that speaks OpenMORA's MQTT; nothing is connected yet.
+
+    Raises:
+        AdapterError: no such profile or option; one sentence.
+    """
+    robot = load_profile(profile_name)
+    settings = settings_of(Options, "openmora_mqtt", robot, options)
+    try:
+        endpoint = Endpoint.of(settings.broker, settings.username or None, settings.password or None)
+    except ValueError as error:
+        raise AdapterError(str(error)) from error
+    return OpenMoraMqttAdapter(robot, settings, endpoint)
+
+
+class OpenMoraMqttAdapter(RemoteAdapter):
+    """See contract.Adapter."""
+
+    vital = "its Status"
+
+    def __init__(self, robot: RobotProfile, options: Options, endpoint: Endpoint) -> None:
+        super().__init__(profile_of(robot, "OpenMORA over MQTT", options.watchdog, own=OWN), robot.battery)
+        self.place = f"{options.robot} at {options.broker}"
+        self._robot, self._options, self._endpoint = robot, options, endpoint
+        self._outgoing: Outgoing[tuple[str, str]] = Outgoing()
+        self._moved_at = self._error_at = 0.0
+        self._nodes = openmora.listed_nodes(options.nodes)
+        self._stood_at, self._stood_since = (math.inf, math.inf), 0.0
+        self._counts = {"ClientACK": "0 0", "RobotACK": "0 0"}
+        self._head = _Head(robot)
+        self._broker: Client | None = None
+
+    # --- the broker ------------------------------------------------------------------------------------------------------
+
+    async def _open(self) -> None:
+        self._outgoing.clear()
+        self._moved_at = time.monotonic()  # whoever was here before may have driven just now
+        ready: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._run(self._connection(ready))
+        await ready
+
+    async def _connection(self, ready: asyncio.Future[None]) -> None:
+        try:
+            async with self._client() as client:
+                self._broker = client
+                await client.subscribe([(f"{self._options.robot}/{name}", 0) for name in HEARD])
+                if not ready.done():
+                    ready.set_result(None)
+                self._say_session("Start")
+                async with asyncio.TaskGroup() as tasks:
+                    tasks.create_task(self._receive(client))
+                    tasks.create_task(self._send(client))
+                    tasks.create_task(self._acknowledge())
+        except* MqttError as errors:
+            reason = f"{self.place}: {errors.exceptions[0]}"
+            if ready.done():
+                self._lose(reason)
+            else:
+                ready.set_exception(AdapterError(reason))
+
+    def _client(self) -> Client:
+        place = self._endpoint
+        return Client(
+            place.host, place.port, username=place.username, password=place.password, transport=place.transport,
+            websocket_path=place.path, tls_context=place.tls, keepalive=KEEPALIVE, timeout=CONNECTING, clean_session=True,
+            socket_options=socket_options() if place.transport == "tcp" else (),
+        )  # fmt: skip
+
+    async def _ask(self) -> None:
+        if self._broker is None:
+            raise AdapterError(f"{self.place} is not connected")
+        try:
+            await self._broker.publish(f"{self._options.robot}/ClientProbe", openmora.stamped("", time.time()), qos=1, timeout=math.inf)
+        except MqttError as error:
+            raise AdapterError(f"{self.place}: {error}") from error
+
+    async def _shut(self) -> None:
+        self._broker = None
+        self._outgoing.clear()
+
+    async def close(self) -> None:
+        """Brake, end the session of the robot's logger, and let go."""
+        if not self._failure:
+            self._say_session("Stop")
+        await super().close()
+
+    def _say_session(self, word: str) -> None:
+        if self._options.user:
+            self._say("SessionCommand", f"{word} {self._options.user}")
+
+    async def _receive(self, client: Client) -> None:
+        async for delivery in client.messages:
+            payload = delivery.payload if isinstance(delivery.payload, bytes) else b""
+            with contextlib.suppress(openmora.DialectError):  # what cannot be read is as if it had not come: silence is noticed
+                self._take(str(delivery.topic).rpartition("/")[2], *openmora.unstamped(payload))
+
+    async def _send(self, client: Client) -> None:
+        # asyncio.wait_for, which `publish` waits with, forgets that it was cancelled when it ends at that moment (until Python 3.12).
+        while not self._failure:
+            topic, text = await self._outgoing.take()
+            await client.publish(f"{self._options.robot}/{topic}", openmora.stamped(text, time.time()), qos=0)
+
+    async def _acknowledge(self) -> None:
+        count = 0
+        while True:
+            count += 1
+            self._counts["ClientACK"] = f"{count} {openmora.milliseconds(time.time())}"
+            self._say("ClientACK", f"{self._counts['ClientACK']}|{self._counts['RobotACK']}|0 0")
+            await asyncio.sleep(ACK_PERIOD)
+
+    def _say(self, topic: str, text: str) -> None:
+        self._outgoing.say((topic, text))
+
+    def _command(self, text: str) -> None:
+        self._say("NavigationCommand", text)
+
+    # --- what it hears ---------------------------------------------------------------------------------------------------
+
+    def _take(self, topic: str, text: str, sent: float) -> None:
+        match topic:
+            case "Status":
+                self._take_status(openmora.status_of(text), stamp_of(sent, time.time()))
+            case "LaserScan" if "scan" in self.profile.capabilities:
+                self.readings.scanned(openmora.scan_of(text, stamp_of(sent, time.time()), self._options.range_max))
+            case "Topology":
+                self._nodes |= openmora.nodes_of(text)
+            case "ErrorMsg":
+                self.readings.errors, self._error_at = (text,), time.monotonic()
+            case "RobotACK":
+                parts = text.split("|")
+                self._counts["RobotACK"] = parts[1] if len(parts) > 1 else "0 0"
+
+    def _take_status(self, status: openmora.Status, stamp: float) -> None:
+        now = time.monotonic()
+        if status.pose is None:
+            self.readings.lost(now)
+            self.readings.heard_at = now  # it lives, and does not know where it is
+        else:
+            self.readings.located(status.pose, stamp, now)
+        self.readings.charged(voltage=status.voltage, charging=status.charging)
+        self._watch_journey(status, now)
+        self._heard()
+
+    def _watch_journey(self, status: openmora.Status, now: float) -> None:
+        """Tell from mode and place when a journey ends, and whether it ended where it should."""
+        errand = self.errands.drive
+        if errand is None or errand.kind != "goto":
+            return
+        stays = now - max(self._stays_since(status, now), errand.began)
+        errand.seen_running |= status.autonomous
+        if self._is_there(errand, status):
+            if stays > STAYED and (errand.goal is not None or not status.autonomous):
+                self._finish(errand, status)
+        elif errand.seen_running and not status.autonomous:
+            self.errands.end(errand.action_id, "FAILED", "the robot stopped before it was there")
+        elif not errand.seen_running and now - errand.began > SETTING_OUT:
+            self.errands.end(errand.action_id, "FAILED", "the robot does not set out")
+        elif stays > GIVEN_UP:
+            self._command("StopGiraff")
+            self.errands.end(errand.action_id, "FAILED", "the robot does not get there")
+
+    def _finish(self, errand: Errand, status: openmora.Status) -> None:
+        if status.autonomous:
+            self._command("StopGiraff")  # or it would set out again when somebody stands in its place
+        self.errands.end(errand.action_id, "FINISHED")
+
+    def _stays_since(self, status: openmora.Status, now: float) -> float:
+        """Return since when the robot has not left its place, monotonic seconds."""
+        pose = status.pose
+        if pose is not None and math.hypot(pose.x - self._stood_at[0], pose.y - self._stood_at[1]) > STAYS:
+            self._stood_at, self._stood_since = (pose.x, pose.y), now
+        return self._stood_since
+
+    def _is_there(self, errand: Errand, status: openmora.Status) -> bool:
+        if errand.goal is None:
+            return status.place == errand.place
+        x, y = errand.goal
+        return status.pose is not None and math.hypot(status.pose.x - x, status.pose.y - y) < ARRIVED
+
+    def _look(self, now: float) -> None:
+        if self.readings.errors and now - self._error_at > ERROR_SHOWN:
+            self.readings.errors = ()
+        self.readings.tilt = self._head.angle(now)
+
+    # --- what it says ----------------------------------------------------------------------------------------------------
+
+    def _drive(self, velocity: Velocity) -> None:
+        self._outgoing.drive(("NavigationCommand", f"Motion {openmora.motion(velocity)}"))
+        self._moved_at = time.monotonic()
+
+    def _turn_head(self, angle: float) -> None:
+        self._command(f"Tilt {openmora.head_degrees(angle, self._robot, self._options.tilt_sign):.1f}")
+        self._head.turn_to(angle, time.monotonic())
+
+    async def _order(self, action: Action) -> Errand:
+        words = self._words(action)
+        # A Motion of just now is cancelled by the robot after half a second, and any journey with it.
+        await asyncio.sleep(max(0.0, self._moved_at + MOTION_MEMORY - time.monotonic()))
+        self._command(words)
+        if isinstance(action, Relocalize) and action.x is not None and action.y is not None:
+            return openmora.search(action.action_id, action.x, action.y, self._options.relocalize_half_width, time.monotonic())
+        return self._errand(action)
+
+    def _words(self, action: Action) -> str:
+        match action:
+            case Goto(x=x, y=y) if x is not None and y is not None:
+                return f"GoToPoint {x:.3f} {y:.3f}"
+            case Goto(place=str(place)) if place in self._nodes:
+                return f"GoToNode {place}"
+            case Dock():
+                return "GoToRecharge"
+            case Relocalize(x=x, y=y) if x is not None and y is not None:
+                # Handed on to RELOCALIZE_IN_AREA letter by letter (MQTTMosquitto/CMQTTMosquitto.cpp, on_message).
+                return f"Relocalize {openmora.area(x, y, self._options.relocalize_half_width, self._options.relocalize_particles)}"
+            case Goto(place=place):
+                raise AdapterError(f"{self._options.robot} knows no place {place!r}; it knows {', '.join(sorted(self._nodes)) or 'none by name'}")
+            case _:
+                raise AdapterError(f"{self._options.robot} has to be told where it is")
+
+    async def _withdraw(self, errand: Errand) -> None:
+        del errand  # there is only one
+        self._command("StopGiraff")
+
+
+class _Head:
+    """Where the head should be by now; nobody knows before it was told."""
+
+    def __init__(self, robot: RobotProfile) -> None:
+        self._speed = robot.tilt.speed if robot.tilt else 1.0
+        self._reach = robot.tilt.maximum - robot.tilt.minimum if robot.tilt else 0.0
+        self._from: float | None = None
+        self._to: float | None = None
+        self._since = 0.0
+
+    def turn_to(self, angle: float, now: float) -> None:
+        self._from, self._to, self._since = self.angle(now), angle, now
+
+    def angle(self, now: float) -> float | None:
+        """Return the angle that it has by now in radians, None while it turns from one that nobody knows, or before it was told."""
+        if self._to is None:
+            return None
+        turned = self._speed * (now - self._since)
+        if self._from is None:
+            return self._to if turned >= self._reach else None
+        return self._from + min(max(self._to - self._from, -turned), turned)

@@ -1,0 +1,319 @@
+"""Localization and navigation for a robot that lacks them: beside any adapter that gives velocity, odometry and a laser.
+
+    inner adapter ──reading──► Mind (a process of its own) ──► pose, what an action wants, the path
+
+Chosen one by one: what the RCA names among its capabilities stays its own. Where it knows its pose, that feeds our navigation.
+
+It adds actions, a pose and a path, and has no part in what the base is told: what navigation wants goes through the safety kernel like a
+visitor's wish (contract.Navigating). A mind that is late makes the robot stand; one that stays silent is given up, its action fails with
+the reason, and the next mind begins where the robot was known last.
+
+Longer than most files: it is every member of the contract, in its order.
+"""
+
+import asyncio
+import logging
+import math
+import time
+from collections.abc import AsyncIterator, Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from robots.agent.adapters.common.progress_queue import ProgressQueue
+from robots.agent.adapters.navigation_layer.child import MindProcess, Orderable
+from robots.agent.adapters.navigation_layer.pose_memory import PoseMemory
+from robots.agent.autonomy import wire
+from robots.agent.autonomy.area import dock_of
+from robots.agent.autonomy.pose_extrapolator import Whereabouts
+from robots.agent.autonomy.sensor_snapshot import Body, Perception, Thought, beams_of
+from robots.agent.cadence import Cadence
+from robots.agent.control.action_history import ENDED
+from robots.agent.robot_interface import (
+    ActionProgress,
+    Adapter,
+    AdapterError,
+    AudioSource,
+    Display,
+    Profile,
+    RcaState,
+    Speaker,
+    VideoSource,
+    outputs_of,
+)
+from robots.agent.safety.ramp import ZERO
+from robots.api.floorplan import Dock as Station
+from robots.api.geometry import Pose2D
+from robots.api.messages import Action, Capability, FloorPlanUpdate, Laser, Point, Relocalize, Velocity
+from robots.world.sensing import Beams, Floats
+
+THINKING = 0.1  # seconds between two perceptions
+LATE = 0.3  # seconds without a thought after which the robot stands
+STUCK, STUCK_IDLE = 1.0, 3.0  # and after which the mind is given up: while it drives, while it does not
+START_SPREAD, START_TURN = 0.15, math.radians(8.0)  # how exactly somebody puts a robot where it begins
+AGAIN_SPREAD, AGAIN_TURN = 0.25, math.radians(15.0)  # and how far it may have gone since it was known last
+OURS: tuple[Capability, ...] = ("localization", "goto", "follow", "dock", "undock", "relocalize")
+LOCALIZATION: frozenset[Capability] = frozenset({"localization", "relocalize"})
+
+log = logging.getLogger(__name__)
+
+
+def wrapped(inner: Adapter, area: FloorPlanUpdate | None, memory: Path | None = None) -> Adapter:
+    """Return the adapter with the localization and the navigation that its RCA lacks, or as it is when that has both, or no laser.
+
+    An RCA that localizes itself and goes nowhere by itself gets our navigation on its own pose. `area` is the site it stands in, None when
+    the server will say so; `memory` is the file that keeps where it stood.
+    """
+    profile = inner.profile
+    if profile.laser is None or {"localization", "goto"} <= set(profile.capabilities):
+        return inner
+    return AutonomyAdapter(inner, profile.laser, area, memory)
+
+
+class AutonomyAdapter:
+    """See contract.Adapter and contract.Navigating."""
+
+    def __init__(
+        self, inner: Adapter, laser: Laser, area: FloorPlanUpdate | None, memory: Path | None = None, now: Callable[[], float] = time.monotonic
+    ) -> None:
+        own = inner.profile
+        self.inner = inner
+        self._localizes = "localization" in own.capabilities
+        self._ours = frozenset(OURS) - frozenset(own.capabilities) - (LOCALIZATION if self._localizes else frozenset())
+        self.profile: Profile = replace(own, capabilities=(*own.capabilities, *(name for name in OURS if name in self._ours)))
+        self._laser, self._now = laser, now
+        self._knows_site = area is not None
+        self._memory = PoseMemory(memory)
+        self._whereabouts = Whereabouts()
+        self.mind = MindProcess(Body(own.series, own.footprint, own.limits, self._localizes), thought=self._think, settled=self._place)
+        self._area: FloorPlanUpdate | None = None
+        self.dock: Station | None = None
+        self._news = ProgressQueue()
+        self._due = Cadence(THINKING)
+        self._last: RcaState | None = None
+        self._beams: Beams | None = None
+        self._told_sweep = -math.inf
+        self._path: tuple[Point, ...] = ()
+        self._wish: Velocity | None = None
+        self._running: str | None = None  # the action that moves the robot
+        self._looking: set[str] = set()  # actions that look for it
+        self._heard_at = -math.inf
+        if area is not None:
+            self._settle(area)
+
+    async def connect(self) -> None:
+        """Reach the RCA; the mind begins by itself, and what it is not there for yet goes without it.
+
+        Raises:
+            AdapterError: the RCA cannot be reached.
+        """
+        await self.inner.connect()
+        self._last = self._beams = None
+        self.mind.run()
+
+    def apply(self, velocity: Velocity) -> Velocity:
+        """Send a velocity.
+
+        Raises:
+            AdapterError: the RCA is gone.
+        """
+        return self.inner.apply(velocity)
+
+    def wanted(self) -> Velocity | None:
+        """Return what the running action wants, to stand when its mind is late, None without one."""
+        if self._running is None:
+            return None
+        late = self._now() - self._heard_at > LATE
+        return ZERO if late or self._wish is None else self._wish
+
+    def take_floorplan(self, update: FloorPlanUpdate) -> None:
+        """Think in the server's map, unless the robot's own configuration names the site."""
+        if self._knows_site:
+            if self._area is not None and update.map_id != self._area.map_id:
+                log.warning("floorplan_ignored map=%s site=%s", update.map_id, self._area.map_id)
+        elif update != self._area:
+            self._end_all("the map has changed")
+            self._settle(update)
+
+    async def start(self, action: Action) -> None:
+        """Begin an action, of ours or of the RCA's.
+
+        Raises:
+            AdapterError: not possible, with the reason.
+        """
+        if not isinstance(action, Orderable) or _name(action) not in self._ours:
+            await self.inner.start(action)
+            return
+        if not isinstance(action, Relocalize) and (self._beams is None or self._last is None):
+            raise AdapterError("the laser has not been heard yet")
+        await self.mind.order(action)
+        self._tell(ActionProgress(action.action_id, "RUNNING"))
+        if isinstance(action, Relocalize):
+            self._looking.add(action.action_id)
+        else:
+            self._running, self._wish, self._heard_at = action.action_id, None, self._now()
+
+    async def cancel(self, action_id: str) -> None:
+        """Cancel an action; unknown ids are ignored."""
+        if action_id == self._running or action_id in self._looking:
+            self.mind.say(wire.Drop(action_id))
+            self._end(ActionProgress(action_id, "CANCELLED", "cancelled"))
+        await self.inner.cancel(action_id)
+
+    async def states(self) -> AsyncIterator[RcaState]:
+        """Yield the RCA's states; `located` puts our pose and path in them.
+
+        Raises:
+            AdapterError: the RCA is gone.
+        """
+        try:
+            async for reading in self.inner.states():
+                yield reading
+        finally:
+            self._end_all("the robot was lost")
+
+    async def progress(self) -> AsyncIterator[ActionProgress]:
+        """Yield news of actions, the RCA's and ours.
+
+        Raises:
+            AdapterError: the RCA's news have ended so.
+        """
+        pump = asyncio.ensure_future(self._pump())
+        try:
+            while True:
+                yield await self._news.get()
+        finally:
+            pump.cancel()
+            await asyncio.gather(pump, return_exceptions=True)
+
+    def video(self) -> VideoSource | None:
+        """Return the RCA's camera."""
+        return self.inner.video()
+
+    def audio(self) -> AudioSource | None:
+        """Return the RCA's microphone."""
+        return self.inner.audio()
+
+    def speaker(self) -> Speaker | None:
+        """Return the RCA's loudspeaker."""
+        return outputs_of(self.inner)[0]
+
+    def display(self) -> Display | None:
+        """Return the RCA's display."""
+        return outputs_of(self.inner)[1]
+
+    def configure(self, config: Any) -> None:
+        """Hand a `Config` on."""
+        self.inner.configure(config)
+
+    async def close(self) -> None:
+        """Leave the robot standing, and end the mind."""
+        self._end_all("the agent ends")
+        try:
+            await self.inner.close()
+        finally:
+            await self.mind.close()
+            if self._area is not None and self._last is not None and self._whereabouts.trusted and not self._localizes:
+                await self._memory.close(self._area.map_id, self._whereabouts.place(self._last.odometry))
+
+    # --- readings ----------------------------------------------------------------------------------------------------
+
+    def located(self, reading: RcaState, points: Floats) -> RcaState:
+        """Perceive a reading and what stands about, points (n, 2) in the robot's frame; return it with our pose, path and complaints.
+
+        Raises:
+            OSError, RuntimeError: the task that keeps a mind alive has ended so.
+        """
+        self.mind.check()
+        now = self._now()
+        self._perceive(reading, points, now)
+        self._watch(now)
+        pose = reading.pose if self._localizes else self._whereabouts.pose(reading.odometry, now)
+        if pose.localized and self._area is not None and not self._localizes:
+            self._memory.note(self._area.map_id, Pose2D(pose.x, pose.y, pose.theta), now)
+        return replace(reading, pose=pose, errors=(*reading.errors, *self._complaints(reading)), path=self._path)
+
+    def _perceive(self, reading: RcaState, points: Floats, now: float) -> None:
+        if reading.odometry is None:
+            return
+        self._last = reading
+        beams = None if reading.scan is None else beams_of(reading.scan, self._laser)
+        self._beams = beams or self._beams
+        if self.mind.ready and self._due.due(now):
+            pose = reading.pose if self._localizes else None
+            moment = Perception(reading.stamp, reading.odometry, reading.velocity, reading.charger_contact, self._beams, points, pose)
+            new = self._beams is not None and self._beams.stamp != self._told_sweep
+            if self.mind.say(wire.perceive(moment, new=new)) and self._beams is not None:
+                self._told_sweep = self._beams.stamp
+
+    def _complaints(self, reading: RcaState) -> tuple[str, ...]:
+        if reading.odometry is None:
+            return ("the robot gives no odometry",)
+        if self._localizes and self._area is None:
+            return ()  # a robot that needs nothing of ours to be driven is not at fault for want of a map
+        return () if self.mind.ready else (f"navigation: {self.mind.problem}",)
+
+    # --- the mind ----------------------------------------------------------------------------------------------------
+
+    def _settle(self, area: FloorPlanUpdate) -> None:
+        self._area = area
+        self.dock = dock_of(area, self.profile.series)
+        self._whereabouts = Whereabouts()
+        self.mind.settle(area)
+
+    def _place(self) -> None:
+        """Tell a new mind where the robot is: where the last one knew it to be, or where it begins."""
+        self._heard_at, self._told_sweep = self._now(), -math.inf
+        odometry = self._last.odometry if self._last else None
+        known = self._whereabouts.place(odometry) if self._whereabouts.trusted else None
+        if known is not None:
+            self.mind.say(wire.Place(known, AGAIN_SPREAD, AGAIN_TURN))
+        elif self.profile.start is not None and self._whereabouts.unheard:
+            self.mind.say(wire.Place(self.profile.start, START_SPREAD, START_TURN))
+        elif self._whereabouts.unheard and self._area is not None and (kept := self._memory.recall(self._area.map_id)):
+            self.mind.say(wire.Place(kept, AGAIN_SPREAD, AGAIN_TURN))
+
+    def _think(self, thought: Thought) -> None:
+        now = self._now()
+        self._heard_at, self._wish = now, thought.wanted
+        self._whereabouts.take(thought, now)
+        if thought.path is not None:
+            self._path = thought.path
+        for news in thought.news:
+            if news.action_id == self._running or news.action_id in self._looking:
+                take = self._end if news.status in ENDED else self._tell
+                take(news)
+
+    def _watch(self, now: float) -> None:
+        """Give up a mind that does not think any more."""
+        silent = now - self._heard_at
+        if not self.mind.ready:
+            self._end_all(f"navigation was lost: {self.mind.problem}")
+        elif silent > (STUCK if self._running else STUCK_IDLE):
+            self._end_all("navigation has stopped answering")
+            self.mind.give_up("it does not answer")
+
+    def _end_all(self, reason: str) -> None:
+        for action_id in ([self._running] if self._running else []) + sorted(self._looking):
+            self.mind.say(wire.Drop(action_id))
+            self._end(ActionProgress(action_id, "FAILED", reason))
+
+    def _end(self, news: ActionProgress) -> None:
+        self._looking.discard(news.action_id)
+        if news.action_id == self._running:
+            self._running, self._wish, self._path = None, None, ()
+        self._tell(news)
+
+    def _tell(self, news: ActionProgress) -> None:
+        self._news.put(news)
+
+    async def _pump(self) -> None:
+        try:
+            async for news in self.inner.progress():
+                self._tell(news)
+        except AdapterError as error:
+            self._news.put(error)
+
+
+def _name(action: Action) -> str:
+    return str(type(action).__struct_config__.tag)

@@ -1,0 +1,248 @@
+"""A mind's process as a child of the agent: started, listened to, given up when it is stuck, and begun again."""
+
+import asyncio
+import contextlib
+import hmac
+import logging
+import os
+import random
+import secrets
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from robots.agent import framing
+from robots.agent.autonomy import wire
+from robots.agent.autonomy.sensor_snapshot import Body, Thought
+from robots.agent.backoff import Backoff
+from robots.agent.robot_interface import AdapterError
+from robots.api.messages import Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Undock
+
+START_TIME = 30.0  # a slow computer reads scipy for that long
+READY_TIME = 5.0  # how long an order waits for a mind that is about to think
+ANSWER_TIME = 5.0
+BACKLOG = 256 << 10
+GLANCE = 0.2  # seconds between two looks whether a process that was started is still alive
+
+log = logging.getLogger(__name__)
+
+Orderable = Goto | Follow | Dock | Undock | Relocalize
+
+
+class MindProcess:
+    """One mind after the other, for one robot. All methods run on the control loop, none blocks it.
+
+    Args:
+        body: what the mind must know about the robot.
+        thought: called with every thought.
+        settled: called when a mind begins to think, and knows nothing yet.
+        seed: of everything random.
+    """
+
+    def __init__(self, body: Body, *, thought: Callable[[Thought], None], settled: Callable[[], None], seed: int = 0) -> None:
+        self.ready = False
+        self.problem = "no map of the site has come yet"
+        self.starts = 0
+        self._body, self._thought, self._settled, self._seed = body, thought, settled, seed
+        self._area: FloorPlanUpdate | None = None
+        self._area_came, self._changed = asyncio.Event(), asyncio.Event()
+        self._child: subprocess.Popen[bytes] | None = None
+        self._writer: asyncio.StreamWriter | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._answers: dict[int, asyncio.Future[str]] = {}
+        self._orders = 0
+
+    @property
+    def pid(self) -> int | None:
+        """The process that thinks now."""
+        return self._child.pid if self._child is not None else None
+
+    def settle(self, area: FloorPlanUpdate) -> None:
+        """Think in this site from now on: a mind that thinks in another one ends."""
+        self._area = area
+        self._area_came.set()
+        self.give_up("the map has changed")
+
+    def run(self) -> None:
+        """Begin, on the running loop; idempotent."""
+        if self._task is None or self._task.done():
+            self._task = asyncio.get_running_loop().create_task(self._run())
+
+    def check(self) -> None:
+        """Raise what ended the task that keeps a mind alive, if anything did."""
+        if self._task is not None and self._task.done() and not self._task.cancelled():
+            self._task.result()
+
+    def say(self, message: wire.Word) -> bool:
+        """Send without waiting; return False when no mind hears it."""
+        writer = self._writer
+        if not self.ready or writer is None or writer.transport.is_closing() or writer.transport.get_write_buffer_size() > BACKLOG:
+            return False
+        writer.write(framing.pack(message))
+        return True
+
+    async def order(self, action: Orderable) -> None:
+        """Give an order and wait until it is begun.
+
+        Raises:
+            AdapterError: it cannot be, with the reason.
+        """
+        await self._until_ready()
+        self._orders += 1
+        answer = self._answers[self._orders] = asyncio.get_running_loop().create_future()
+        try:
+            self.say(wire.Order(self._orders, action))
+            async with asyncio.timeout(ANSWER_TIME):
+                problem = await answer
+        except TimeoutError as error:
+            raise AdapterError("the robot's navigation does not answer") from error
+        finally:
+            del self._answers[self._orders]
+        if problem:
+            raise AdapterError(problem)
+
+    def give_up(self, why: str) -> None:
+        """End the mind that thinks now; the next one begins by itself."""
+        if self._child is not None:
+            log.warning("mind_given_up reason=%r pid=%d", why, self._child.pid)
+            self._child.kill()
+        self._lose(why)
+
+    async def close(self) -> None:
+        """End."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+            self._task = None
+
+    # --- inside ----------------------------------------------------------------------------------------------------------
+
+    async def _until_ready(self) -> None:
+        try:
+            async with asyncio.timeout(READY_TIME):
+                while not self.ready:
+                    if not self._area_came.is_set():
+                        raise AdapterError(self.problem)
+                    self._changed.clear()
+                    await self._changed.wait()
+        except TimeoutError as error:
+            raise AdapterError(f"the robot's navigation is not there: {self.problem}") from error
+
+    async def _run(self) -> None:
+        backoff = Backoff(random.Random(self._seed), first=0.2, longest=10.0)  # noqa: S311 -- spreads attempts, keeps no secret
+        while True:
+            await self._area_came.wait()
+            began = asyncio.get_running_loop().time()
+            try:
+                await self._live()
+            except (OSError, TimeoutError, asyncio.IncompleteReadError, framing.WireError) as error:
+                log.warning("mind_lost reason=%r", str(error) or type(error).__name__)
+            finally:
+                self._lose("it begins again")
+                await _end(self._child)
+                self._child = None
+            await asyncio.sleep(backoff.failed(asyncio.get_running_loop().time() - began))
+
+    async def _live(self) -> None:
+        """Start a mind, settle it, and listen to it until it ends.
+
+        Raises:
+            OSError, TimeoutError, IncompleteReadError, WireError: how it ended.
+        """
+        area = self._area
+        assert area is not None
+        reader, writer = await self._start()
+        try:
+            writer.write(framing.pack(wire.Settle(self._body, area, self._seed + self.starts)))
+            async with asyncio.timeout(START_TIME):
+                settled = await _read(reader)
+            self.problem = settled.problem if isinstance(settled, wire.Settled) else "it speaks another language"
+            if self.problem:
+                log.error("map_refused reason=%r", self.problem)
+                self._area_came.clear()  # the same map again would be refused again
+                return
+            if area is not self._area:
+                return
+            self._writer, self.ready = writer, True
+            self._changed.set()
+            self._settled()
+            while True:
+                self._take(await _read(reader))
+        finally:
+            writer.close()
+
+    async def _start(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+        token = secrets.token_hex(16)
+        met: asyncio.Future[tuple[asyncio.StreamReader, asyncio.StreamWriter]] = asyncio.get_running_loop().create_future()
+
+        async def meet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            with contextlib.suppress(asyncio.IncompleteReadError, OSError, framing.WireError):
+                word = await _read(reader)
+                if isinstance(word, wire.Token) and hmac.compare_digest(word.token, token) and not met.done():
+                    met.set_result((reader, writer))
+                    return
+            writer.close()
+
+        server = await asyncio.start_server(meet, "127.0.0.1", 0)
+        try:
+            host, port = server.sockets[0].getsockname()[:2]
+            self.starts += 1
+            self._child = await asyncio.to_thread(_launch, f"{host}:{port}", token)
+            async with asyncio.timeout(START_TIME):
+                while not met.done():
+                    if self._child.poll() is not None:
+                        raise OSError(f"it ended at once, with exit status {self._child.returncode}")
+                    await asyncio.wait({met}, timeout=GLANCE)
+            return met.result()
+        finally:
+            server.close()
+
+    def _take(self, word: wire.FromMind) -> None:
+        match word:
+            case wire.Thinks(thought):
+                self._thought(thought)
+            case wire.Answer(number, problem):
+                answer = self._answers.get(number)
+                if answer is not None and not answer.done():
+                    answer.set_result(problem)
+            case _:
+                raise framing.WireError(f"{type(word).__name__} from a mind that is settled")
+
+    def _lose(self, why: str) -> None:
+        self.ready, self._writer = False, None
+        self.problem = self.problem or why
+        for answer in self._answers.values():
+            if not answer.done():
+                answer.set_result(f"the robot's navigation was lost: {why}")
+
+
+def _launch(address: str, token: str) -> subprocess.Popen[bytes]:
+    """Start the process; blocks for some milliseconds.
+
+    Raises:
+        OSError: it cannot be started.
+    """
+    # One thread for linear algebra: its matrices are small, and its idle threads would spin beside the agent.
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    flags = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
+    root = str(Path(__file__).resolve().parents[4])  # from where `robots` is imported, so that a child finds it from anywhere
+    child = subprocess.Popen(  # noqa: S603 -- our own module, with our own interpreter
+        [sys.executable, "-m", "robots.agent.autonomy", address],
+        stdin=subprocess.PIPE, start_new_session=True, creationflags=flags, cwd=root, env=environment,
+    )  # fmt: skip
+    assert child.stdin is not None
+    with contextlib.suppress(BrokenPipeError):  # it is dead already, which the silence on its socket tells
+        child.stdin.write(f"{token}\n".encode())
+        child.stdin.close()
+    return child
+
+
+async def _end(child: subprocess.Popen[bytes] | None) -> None:
+    if child is not None:
+        child.kill()
+        await asyncio.to_thread(child.wait)
+
+
+async def _read(reader: asyncio.StreamReader) -> wire.FromMind:
+    return wire.unpack_answer(await framing.read(reader))

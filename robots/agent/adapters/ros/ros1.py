@@ -1,0 +1,280 @@
+"""ROS 1: a node in a process of its own (ros1_node.py), in the Python that ROS was built for, and a loopback connection to it.
+
+Needs rospy: Debian and Ubuntu have it as `python3-rospy`, ROS itself brings it. Options: `master` (default: ROS_MASTER_URI), `ip` (how
+others reach this computer: ROS_IP), `python` (the interpreter that has rospy), and those of `ros.RosOptions`.
+"""
+
+import asyncio
+import contextlib
+import hmac
+import itertools
+import json
+import logging
+import os
+import secrets
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from robots.agent.adapters.common.robot_profile import load_profile, settings_of
+from robots.agent.adapters.ros.base import Goals, Handler, RosAdapter, RosOptions
+from robots.agent.adapters.ros.graph import Graph, TopicPeers
+from robots.agent.robot_interface import AdapterError
+
+START_TIME = 10.0
+ANSWER_TIME = 10.0
+END_TIME = 2.0
+BACKLOG = 256 << 10
+LONGEST_LINE = 8 << 20
+NODE = Path(__file__).with_name("ros1_node.py")
+
+log = logging.getLogger(__name__)
+
+
+class Options(RosOptions, frozen=True, kw_only=True):
+    """Where the master is, and which Python has rospy."""
+
+    master: str = ""
+    ip: str = ""
+    python: str = "python" if sys.platform == "win32" else "/usr/bin/python3"
+
+
+def create(profile_name: str, options: Mapping[str, Any]) -> RosAdapter:
+    """Return an adapter for a robot of ROS 1; nothing is started yet.
+
+    Raises:
+        AdapterError: no such profile or option; one sentence.
+    """
+    robot = load_profile(profile_name)
+    settings = settings_of(Options, "ros1", robot, options)
+    if settings.navigation in {"nav2", "goal_pose"}:
+        raise AdapterError("ROS 1 has move_base: navigation is move_base or none")
+    return RosAdapter(robot, settings, NodeBus(settings), "ROS 1")
+
+
+class NodeBus:
+    """See ros.Bus. One child process for each connection: rospy cannot begin again in the same one."""
+
+    version = 1
+    answers = True
+    script = NODE
+
+    def __init__(self, options: Options) -> None:
+        uri = options.master or os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
+        self.place = f"ROS 1 at {uri}"
+        self._python = options.python
+        self._environment = {**os.environ, "ROS_MASTER_URI": uri, "ROS_PYTHON_LOG_CONFIG_FILE": ""}
+        self._environment.pop("PYTHONHOME", None)  # that of the agent's Python
+        if options.ip:
+            self._environment["ROS_IP"] = options.ip
+        self._child: subprocess.Popen[bytes] | None = None
+        self._writer: asyncio.StreamWriter | None = None
+        self._reading: asyncio.Task[None] | None = None
+        self._handlers: dict[str, Handler] = {}
+        self._calls: dict[int, asyncio.Future[dict[str, Any]]] = {}
+        self._listeners: dict[str, int] = {}
+        self._numbers = itertools.count(1)
+
+    async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
+        """Start a node and wait until the master knows it.
+
+        Raises:
+            AdapterError: there is no master, or no rospy.
+        """
+        del goals  # ROS 1 has its actions on topics
+        self._handlers.clear()
+        self._listeners.clear()
+        reader, self._writer = await self._start()
+        first = await self._line(reader)
+        if first.get("op") != "ready":
+            raise AdapterError(str(first.get("reason", f"{self.place}: the node ended")))
+        self._reading = asyncio.ensure_future(self._read(reader, lost))
+
+    async def _start(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+        arrived: asyncio.Future[tuple[asyncio.StreamReader, asyncio.StreamWriter]] = asyncio.get_running_loop().create_future()
+        password = secrets.token_hex(16)
+
+        async def greet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            line = (await reader.readline()).strip()
+            if hmac.compare_digest(line, password.encode()) and not arrived.done():
+                arrived.set_result((reader, writer))
+            else:
+                writer.close()
+
+        server = await asyncio.start_server(greet, "127.0.0.1", 0, limit=LONGEST_LINE)
+        try:
+            port = server.sockets[0].getsockname()[1]
+            self._child = await asyncio.to_thread(self._launch, port, password)
+            async with asyncio.timeout(START_TIME):
+                return await arrived
+        except TimeoutError as error:
+            raise AdapterError(f"the ROS node did not start with {self._python}") from error
+        finally:
+            server.close()
+
+    def _launch(self, port: int, password: str) -> subprocess.Popen[bytes]:
+        command = [self._python, str(self.script), str(port)]
+        flags = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
+        try:
+            child = subprocess.Popen(  # noqa: S603 -- our own script, with the interpreter that the owner named
+                command, stdin=subprocess.PIPE, start_new_session=True, creationflags=flags, env=self._environment
+            )
+        except OSError as error:
+            raise AdapterError(f"{self._python} cannot be run: {error.strerror or error}") from error
+        assert child.stdin is not None
+        child.stdin.write(f"{password}\n".encode())
+        child.stdin.flush()
+        return child
+
+    async def _line(self, reader: asyncio.StreamReader) -> dict[str, Any]:
+        async with asyncio.timeout(START_TIME):
+            line = await reader.readline()
+        return json.loads(line) if line else {}
+
+    async def _read(self, reader: asyncio.StreamReader, lost: Callable[[str], None]) -> None:
+        reason = "the ROS node has ended"
+        with contextlib.suppress(OSError, ValueError):
+            while line := await reader.readline():
+                said: dict[str, Any] = json.loads(line)
+                match said:
+                    case {"op": "publish", "topic": topic, "content": content} if topic in self._handlers:
+                        self._handlers[topic](content)
+                    case {"op": "response", "number": number} if number in self._calls and not self._calls[number].done():
+                        self._calls[number].set_result(said)
+                    case {"op": "listeners", "topic": topic, "count": int(count)} if topic in self._listeners:
+                        self._listeners[topic] = count
+                    case {"op": "lost", "reason": why}:
+                        reason = str(why)
+                        break
+        lost(reason)
+
+    async def shut(self) -> None:
+        """End the node; it leaves the robot standing."""
+        reading, self._reading = self._reading, None
+        if reading is not None:
+            reading.cancel()
+            await asyncio.gather(reading, return_exceptions=True)
+        if self._writer is not None:
+            self._writer.close()
+            self._writer = None
+        for call in self._calls.values():
+            call.cancel()
+        self._calls.clear()
+        child, self._child = self._child, None
+        if child is not None:
+            await asyncio.to_thread(_end, child)
+
+    def subscribe(self, topic: str, kind: str, handler: Handler, *, latched: bool = False, sensor: bool = False, period: float = 0.0) -> None:
+        """Hear a topic."""
+        del latched, sensor  # the publisher of ROS 1 alone decides
+        self._handlers[topic] = handler
+        self._say(op="subscribe", topic=topic, kind=kind, period=period)
+
+    def advertise(self, topic: str, kind: str, *, drives: bool = False, latch: bool = False) -> None:
+        """Say what will be published; who comes to hear velocities is told to stand first."""
+        self._listeners.pop(topic, None)
+        self._say(op="advertise", topic=topic, kind=kind, latch=latch, drives=drives)
+        if drives:
+            self._listeners[topic] = 0
+
+    def unadvertise(self, topic: str) -> None:
+        """Say that nothing more will be published."""
+        self._say(op="unadvertise", topic=topic)
+
+    async def ask(self) -> None:
+        """Wait until every node that listens for velocities has said that it lives.
+
+        Raises:
+            AdapterError: the node is gone.
+        """
+        await self._answer(lambda number: self._say(op="ask", number=number))
+
+    def cut(self) -> None:
+        """End the node: what it has not sent yet it never sends."""
+        if self._child is not None:
+            self._child.kill()
+
+    def listeners(self, topic: str) -> int | None:
+        """Return how many nodes are connected to hear a topic that drives."""
+        return self._listeners.get(topic)
+
+    async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
+        """Ask the master."""
+        del heard
+        answer = await self._answer(lambda number: self._say(op="graph", number=number, driving=driving))
+        return {
+            str(topic): TopicPeers(frozenset(kinds), listeners, speakers) for topic, (kinds, listeners, speakers) in answer.get("topics", {}).items()
+        }
+
+    def publish(self, topic: str, message: dict[str, Any], *, newest: bool = False) -> None:
+        """Send a message.
+
+        Raises:
+            AdapterError: the node is gone, or does not read.
+        """
+        if newest:
+            self._say(op="drive", topic=topic, content=message, moving=_moves(message), at=time.monotonic())
+        else:
+            self._say(op="publish", topic=topic, content=message)
+
+    async def call(self, service: str, kind: str) -> tuple[bool, str]:
+        """Call a service.
+
+        Raises:
+            AdapterError: there is none, or no answer.
+        """
+        try:
+            async with asyncio.timeout(ANSWER_TIME):
+                response = await self._answer(lambda number: self._say(op="call", number=number, service=service, kind=kind))
+        except TimeoutError as error:
+            raise AdapterError(f"{service} does not answer") from error
+        if "values" not in response:
+            raise AdapterError(f"{service} cannot be called: {response.get('problem')}")
+        return bool(response["values"].get("success")), str(response["values"].get("message", ""))
+
+    async def _answer(self, ask: Callable[[int], None]) -> dict[str, Any]:
+        number = next(self._numbers)
+        answer: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
+        self._calls[number] = answer
+        try:
+            ask(number)
+            return await answer
+        finally:
+            self._calls.pop(number, None)
+
+    def send_goal(self, action: str, kind: str, goal: dict[str, Any], name: str) -> None:
+        """Refuse: ROS 1 has its actions on topics.
+
+        Raises:
+            AdapterError: always.
+        """
+        raise AdapterError(f"ROS 1 has no action {action} ({kind}) for {name}: {len(goal)} fields")
+
+    def cancel_goal(self, action: str, name: str) -> None:
+        """Do nothing: there is no such goal."""
+
+    def _say(self, **message: Any) -> None:
+        writer = self._writer
+        if writer is None or writer.transport.is_closing():
+            raise AdapterError("the ROS node is gone")
+        if writer.transport.get_write_buffer_size() > BACKLOG:
+            raise AdapterError("the ROS node does not read")
+        writer.write((json.dumps(message) + "\n").encode())
+
+
+def _moves(message: Mapping[str, Any]) -> bool:
+    twist = message.get("twist", message)
+    return bool(twist["linear"]["x"] or twist["angular"]["z"])
+
+
+def _end(child: subprocess.Popen[bytes]) -> None:
+    try:
+        child.wait(timeout=END_TIME)
+    except subprocess.TimeoutExpired:
+        child.kill()
+        child.wait()
+    if child.stdin is not None:
+        child.stdin.close()

@@ -1,0 +1,71 @@
+"""A camera whose pictures the control architecture publishes as JPEG or PNG: see contract.VideoSource."""
+
+import time
+from typing import Any
+
+import av
+from av.video.reformatter import VideoReformatter
+
+from robots.agent.devices.camera import picture_of
+from robots.agent.devices.newest import Newest
+from robots.agent.robot_interface import AdapterError, Frame
+
+OPENING = 20.0  # s until the first picture: a publisher may be started by its first subscriber
+CODECS = {b"\xff\xd8": "mjpeg", b"\x89P": "png"}
+
+
+class TopicCamera:
+    """The adapter's loop says `take`, the media side's thread reads; of pictures that nobody fetched the newest counts."""
+
+    def __init__(self, topic: str) -> None:
+        self._topic = topic
+        self._newest: Newest[tuple[bytes, float]] = Newest()
+        self._reformatter = VideoReformatter()
+        self._decoders: dict[str, Any] = {}
+        self._awaited_since: float | None = None  # monotonic s, None once something came
+        self.wanted = False
+
+    def start(self) -> None:
+        """Begin to take pictures; idempotent."""
+        self._newest.put(None)
+        self._awaited_since = time.monotonic()
+        self.wanted = True
+
+    def stop(self) -> None:
+        """Take no more; idempotent."""
+        self.wanted = False
+
+    def take(self, data: bytes, stamp: float) -> None:
+        """Take a picture that was made at `stamp`, Unix time."""
+        self._newest.put((data, stamp))
+
+    def read(self, timeout: float) -> Frame | None:
+        """Block for the next picture, at most `timeout` seconds; None when there was none.
+
+        Raises:
+            AdapterError: what is published is no picture, or nothing is published.
+        """
+        newest = self._newest.take(timeout)
+        if newest is None:
+            if self._awaited_since is not None and time.monotonic() - self._awaited_since > OPENING:
+                raise AdapterError(f"nobody publishes on {self._topic}: nothing came in {OPENING:g} s")
+            return None
+        self._awaited_since = None
+        data, stamp = newest
+        try:
+            return Frame(picture_of(self._decoded(data), self._reformatter), stamp, "yuv420p")
+        except (av.FFmpegError, ValueError) as error:
+            raise AdapterError(f"what {self._topic} publishes is no picture: {error}") from error
+
+    def _decoded(self, data: bytes) -> av.VideoFrame:
+        name = CODECS.get(data[:2])
+        if name is None:
+            raise ValueError("neither JPEG nor PNG")
+        if name not in self._decoders:
+            decoder: Any = av.CodecContext.create(name, "r")
+            decoder.thread_count = 1  # more would keep a picture back until the next one comes
+            self._decoders[name] = decoder
+        frames: list[av.VideoFrame] = self._decoders[name].decode(av.Packet(data))
+        if not frames:
+            raise ValueError("it is not whole")
+        return frames[0]

@@ -1,0 +1,405 @@
+"""The simulated robot, in a process of its own: started as a child of the agent, or found at an address.
+
+Options: `plan` (a shipped site or a folder), `seed`, `start`, `charge`, `people` (how many walk about), `door-changes` (seconds
+between doors that move by themselves), `fps` (pictures a second), `linger`, `camera` ("no": without pictures), `sensors` (for obstacles,
+some of "laser", "sonar", "bumper", with commas), or `address` (host:port of a running `python -m robots.agent.simulator`, whose profile
+must be the same).
+
+Longer than most files: it is every member of the contract, in its order.
+"""
+
+import asyncio
+import contextlib
+import dataclasses
+import logging
+import subprocess
+import time
+from collections import deque
+from collections.abc import AsyncIterator, Collection, Mapping
+from typing import Any
+
+import numpy as np
+
+from robots.agent import framing
+from robots.agent.adapters.common.progress_queue import ProgressQueue
+from robots.agent.adapters.common.robot_profile import nearest
+from robots.agent.adapters.simulator.child import end, launch
+from robots.agent.adapters.simulator.media import SimulatorCamera, SimulatorMicrophone
+from robots.agent.robot_interface import NOWHERE, ActionProgress, AdapterError, AudioSource, Profile, RcaState, Sonar, SonarEcho, VideoSource
+from robots.agent.simulator import wire
+from robots.agent.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
+from robots.agent.simulator.physics.simulation import StartError, start_pose
+from robots.agent.simulator.profiles import RobotModel, UnknownProfileError, model_of
+from robots.api.floorplan import FloorPlan
+from robots.api.geometry import Pose2D
+from robots.api.messages import Action, Battery, Capability, Config, Laser, Scan, Tilt, Velocity
+from robots.world.sites import SiteError, load_plan
+
+OPTIONS = ("plan", "seed", "start", "charge", "people", "door-changes", "fps", "linger", "camera", "sensors", "address")
+SENSORS = ("laser", "sonar", "bumper")
+GREETING_TIME = 4.0
+SILENCE = 1.0  # the simulator speaks fifty times a second
+BACKLOG = 64 << 10
+TILT_REACHED = 0.005
+LONGEST_TILT = 15.0
+BRAKING_TIME = 3.0
+NEWEST = 10  # states that wait for a slow reader
+
+log = logging.getLogger(__name__)
+
+
+def create(profile_name: str, options: Mapping[str, Any]) -> "SimulatorAdapter":
+    """Return an adapter for a simulated robot; nothing is started yet.
+
+    Raises:
+        AdapterError: no such profile, plan or option, in one sentence.
+    """
+    unknown = sorted(set(options) - set(OPTIONS))
+    if unknown:
+        raise AdapterError(f"the simulator has no option {unknown[0]}; {nearest(unknown[0], OPTIONS)}")
+    try:
+        model = model_of(profile_name)
+        plan, directory = load_plan(str(options.get("plan", "office")))
+    except (UnknownProfileError, SiteError) as error:
+        raise AdapterError(str(error)) from error
+    has_camera = str(options.get("camera", "yes")) != "no"
+    known = {**options, "plan": str(directory)}
+    profile = fitted(profile_of(model, plan.map_id, has_camera=has_camera), model, _sensors(options))
+    return SimulatorAdapter(dataclasses.replace(profile, plan=str(directory), start=_start(plan, model, options)), model, known)
+
+
+def _start(plan: FloorPlan, model: RobotModel, options: Mapping[str, Any]) -> Pose2D | None:
+    """Return where a robot of ours begins: whoever puts a robot somewhere knows. One at an address may be anywhere by now."""
+    try:
+        return None if options.get("address") else start_pose(plan, model, str(options.get("start", "dock")))
+    except StartError:
+        return None  # the simulator itself says so when it is started
+
+
+def profile_of(model: RobotModel, map_id: str, *, has_camera: bool = True) -> Profile:
+    """Return a simulated robot's share of the factsheet: it has a laser and wheels that count, and does not know where it is."""
+    capabilities: list[Capability] = ["velocity", "scan", "audio", "doors"]
+    capabilities += ["video"] if has_camera else []
+    capabilities += ["tilt"] if model.tilt else []
+    return Profile(
+        series=model.series, rca="simulator", capabilities=tuple(capabilities), limits=model.limits, footprint=model.footprint,
+        watchdog=model.watchdog, camera=model.camera if has_camera else None, tilt=model.tilt, laser=_laser(model), map_id=map_id,
+    )  # fmt: skip
+
+
+def fitted(profile: Profile, model: RobotModel, sensors: Collection[str]) -> Profile:
+    """Return the profile of a robot that has only these sensors for obstacles."""
+    has_laser = "laser" in sensors
+    cones = model.sonar
+    sonars = tuple(Sonar(*mount, cones.width, cones.nearest, cones.farthest) for mount in cones.mounts(model.footprint))
+    return dataclasses.replace(
+        profile,
+        capabilities=tuple(name for name in profile.capabilities if name != "scan" or has_laser),
+        laser=profile.laser if has_laser else None,
+        sonars=sonars if "sonar" in sensors else (),
+        bumper="bumper" in sensors,
+    )
+
+
+def _sensors(options: Mapping[str, Any]) -> tuple[str, ...]:
+    named = tuple(name.strip() for name in str(options.get("sensors", "laser")).split(",") if name.strip())
+    unknown = sorted(set(named) - set(SENSORS))
+    if unknown:
+        raise AdapterError(f"the simulator has no sensor {unknown[0]}; {nearest(unknown[0], SENSORS)}")
+    return named
+
+
+def _laser(model: RobotModel) -> Laser:
+    mount = model.laser.mount
+    return Laser(x=mount.x, y=mount.y, theta=mount.theta)
+
+
+@dataclasses.dataclass
+class _Tilting:
+    action_id: str
+    target: float
+    deadline: float
+
+
+class SimulatorAdapter:
+    """See contract.Adapter. Reading runs in one task, so that a state is never half old."""
+
+    def __init__(self, profile: Profile, model: RobotModel, options: Mapping[str, Any]) -> None:
+        self.profile = profile
+        self._model = model
+        self._options = dict(options)
+        self._speaker, self._display = MeasuringSpeaker(), MeasuringDisplay()
+        self._child: subprocess.Popen[bytes] | None = None
+        self._address: tuple[str, int] | None = None
+        self._writer: asyncio.StreamWriter | None = None
+        self._reading: asyncio.Task[None] | None = None
+        self._failure = "not connected"
+        self._states: deque[RcaState] = deque(maxlen=NEWEST)
+        self._progress = ProgressQueue()
+        self._news = asyncio.Event()
+        self._scan: Scan | None = None
+        self._echoes: list[SonarEcho] = []
+        self._odometry: Pose2D | None = None
+        self._distance = 0.0
+        self._truth: wire.Truth | None = None
+        self._tilting: _Tilting | None = None
+        self._doors: dict[str, Any] = {}
+        self._camera: SimulatorCamera | None = None
+        self._microphone: SimulatorMicrophone | None = None
+
+    @property
+    def address(self) -> str:
+        """Where the simulated robot is, `host:port`, once connected: observers look there."""
+        return "" if self._address is None else f"{self._address[0]}:{self._address[1]}"
+
+    async def connect(self) -> None:
+        """Start the simulator, or find the one that still runs, and say hello.
+
+        Raises:
+            AdapterError: it does not start, does not answer, or is another robot.
+        """
+        await self._drop("reconnecting")
+        self._address = await self._find()
+        try:
+            reader, writer = await self._greet(self._address)
+        except AdapterError:
+            if self._child is None or self._options.get("address"):
+                raise
+            child, self._child = self._child, None
+            child.kill()  # it is dying, or hangs: a new one answers
+            await asyncio.to_thread(end, child)
+            self._address = await self._find()
+            reader, writer = await self._greet(self._address)
+        self._writer, self._failure = writer, ""
+        writer.write(framing.pack(wire.SetDoors(self._doors)))
+        self._reading = asyncio.create_task(self._read(reader))
+        log.info("simulator_connected address=%s", self.address)
+
+    async def _greet(self, address: tuple[str, int]) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+        try:
+            async with asyncio.timeout(GREETING_TIME):
+                reader, writer = await asyncio.open_connection(*address)
+                writer.write(framing.pack(wire.Hello("driver")))
+                welcome = await wire.read_answer(reader)
+        except (OSError, TimeoutError, asyncio.IncompleteReadError, framing.WireError) as error:
+            raise AdapterError(f"the simulator at {self.address} does not answer: {error or type(error).__name__}") from error
+        if not isinstance(welcome, wire.Welcome) or welcome.series != self.profile.series:
+            writer.close()
+            raise AdapterError(f"at {self.address} is {getattr(welcome, 'series', welcome)!r}, not {self.profile.series!r}")
+        return reader, writer
+
+    def apply(self, velocity: Velocity) -> Velocity:
+        """Send a velocity, within the base's limits.
+
+        Raises:
+            AdapterError: the simulator is gone, or does not read any more.
+        """
+        limits = self.profile.limits
+        linear = min(max(velocity.linear, -limits.reverse), limits.linear)
+        angular = min(max(velocity.angular, -limits.angular), limits.angular)
+        self._say(wire.Drive(linear, angular))
+        return Velocity(linear=linear, angular=angular)
+
+    async def start(self, action: Action) -> None:
+        """Tilt the head.
+
+        Raises:
+            AdapterError: this robot cannot do that, or not so far.
+        """
+        if not isinstance(action, Tilt) or self.profile.tilt is None:
+            raise AdapterError(f"{self.profile.series} cannot do {type(action).__name__.lower()}")
+        low, high = self.profile.tilt.minimum, self.profile.tilt.maximum
+        if not low <= action.angle <= high:
+            raise AdapterError(f"the head tilts from {low:g} to {high:g} rad, not to {action.angle:g}")
+        self._say(wire.TiltTo(action.angle))
+        self._end_tilt("CANCELLED", "replaced")
+        self._tilting = _Tilting(action.action_id, action.angle, time.monotonic() + LONGEST_TILT)
+        self._progress.put(ActionProgress(action.action_id, "RUNNING"))
+
+    async def cancel(self, action_id: str) -> None:
+        """Leave the head where it is."""
+        if self._tilting is not None and self._tilting.action_id == action_id:
+            if self._truth is not None:
+                self._say(wire.TiltTo(self._truth.tilt))
+            self._end_tilt("CANCELLED", "cancelled")
+
+    async def states(self) -> AsyncIterator[RcaState]:
+        """Yield states, 50 a second; a slow reader misses the oldest.
+
+        Raises:
+            AdapterError: the simulator is gone, or silent for a second.
+        """
+        while len(self._states) > 1:  # nobody wants to know what was while nobody listened
+            self._states.popleft()
+        while True:
+            while self._states:
+                yield self._states.popleft()
+            if self._failure:
+                raise AdapterError(self._failure)
+            self._news.clear()
+            try:
+                async with asyncio.timeout(SILENCE):
+                    await self._news.wait()
+            except TimeoutError as error:
+                raise AdapterError("the simulator is silent") from error
+
+    async def progress(self) -> AsyncIterator[ActionProgress]:
+        """Yield how far tilting is."""
+        while True:
+            yield await self._progress.get()
+
+    def video(self) -> VideoSource | None:
+        """Return the camera; always the same one."""
+        if self.profile.camera is None:
+            return None
+        self._camera = self._camera or SimulatorCamera(lambda: self._address)
+        return self._camera
+
+    def audio(self) -> AudioSource | None:
+        """Return the microphone; always the same one."""
+        self._microphone = self._microphone or SimulatorMicrophone(lambda: self._address)
+        return self._microphone
+
+    def speaker(self) -> MeasuringSpeaker:
+        """Return the loudspeaker, which only measures."""
+        return self._speaker
+
+    def display(self) -> MeasuringDisplay:
+        """Return the display, which only measures."""
+        return self._display
+
+    def configure(self, config: Any) -> None:
+        """Open and close the doors that a `Config` names, now or when connected."""
+        if not isinstance(config, Config):
+            return
+        self._doors = dict(config.doors)
+        if not self._failure:
+            with contextlib.suppress(AdapterError):  # they are said again on the next connection
+                self._say(wire.SetDoors(self._doors))
+
+    async def close(self) -> None:
+        """Brake, wait for the stand, and end the simulator if it is ours."""
+        for source in (self._camera, self._microphone):
+            if source is not None:
+                source.stop()
+        if not self._failure:
+            with contextlib.suppress(AdapterError, TimeoutError):
+                await self._stand()
+                if self._child is not None:
+                    self._say(wire.Shutdown())
+        await self._drop("closed")
+        if self._child is not None:
+            child, self._child = self._child, None
+            await asyncio.to_thread(end, child)
+
+    async def _stand(self) -> None:
+        async with asyncio.timeout(BRAKING_TIME):
+            while not self._failure:
+                self._say(wire.Drive(0.0, 0.0))
+                if self._truth is not None and self._truth.linear == 0.0 and self._truth.angular == 0.0:
+                    return
+                await asyncio.sleep(0.02)
+
+    async def _drop(self, why: str) -> None:
+        self._failure = why
+        self._news.set()
+        if self._reading is not None:
+            self._reading.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._reading
+            self._reading = None
+        if self._writer is not None:
+            self._writer.close()
+            self._writer = None
+        self._states.clear()
+        self._truth = self._odometry = None
+        self._distance = 0.0
+        self._end_tilt("FAILED", "the simulator is gone")
+
+    async def _find(self) -> tuple[str, int]:
+        given = self._options.get("address")
+        if given:
+            return _host_and_port(str(given))
+        if self._child is not None and self._child.poll() is None and self._address is not None:
+            return self._address
+        self._child, line = await asyncio.to_thread(launch, self.profile.series, self._options)
+        return _host_and_port(line)
+
+    def _say(self, message: wire.Said) -> None:
+        writer = self._writer
+        if self._failure or writer is None or writer.transport.is_closing():
+            raise AdapterError(self._failure or "the simulator is gone")
+        if writer.transport.get_write_buffer_size() > BACKLOG:
+            raise AdapterError("the simulator does not read")
+        writer.write(framing.pack(message))
+
+    async def _read(self, reader: asyncio.StreamReader) -> None:
+        try:
+            async for body in framing.bodies(reader):
+                self._take(wire.unpack_answer(body))
+        except (OSError, asyncio.IncompleteReadError, framing.WireError) as error:
+            self._failure = f"the simulator is gone: {error}"
+            log.warning("simulator_lost", extra={"reason": str(error)})
+        finally:
+            self._news.set()
+
+    def _take(self, message: wire.FromSimulator) -> None:
+        match message:
+            case wire.Truth():
+                self._truth = message
+                self._states.append(self._state(message))
+                self._watch_tilt(message)
+                self._news.set()
+            case wire.Ranges(stamp, ranges) if self.profile.laser is not None:
+                self._scan = self._scan_of(stamp, ranges)
+            case wire.Echoes(stamp, echoes) if self.profile.sonars:
+                self._echoes += [SonarEcho(index, stamp, distance) for index, distance in echoes]
+
+    def _state(self, truth: wire.Truth) -> RcaState:
+        scan, self._scan = self._scan, None
+        sonar, self._echoes = tuple(self._echoes), []
+        before, odometry = self._odometry, Pose2D(*truth.odometry)
+        self._distance += before.distance(odometry) if before is not None else 0.0
+        self._odometry = odometry
+        return RcaState(
+            stamp=truth.stamp,
+            pose=NOWHERE,
+            velocity=Velocity(linear=truth.linear, angular=truth.angular),
+            battery=Battery(charge=truth.charge, voltage=truth.voltage, charging=truth.docked),
+            charger_contact=truth.docked,
+            tilt=truth.tilt if self.profile.tilt else None,
+            contacts=truth.contacts,
+            distance=self._distance,
+            scan=scan,
+            errors=truth.errors,
+            odometry=odometry,
+            sonar=sonar,
+            bumper=truth.bumper if self.profile.bumper else None,
+        )
+
+    def _scan_of(self, stamp: float, data: bytes) -> Scan:
+        laser = self._model.laser
+        found = np.frombuffer(data, dtype=np.float32).astype(np.float64)
+        there = np.isfinite(found)
+        ranges = tuple(value if seen else None for value, seen in zip(found.round(3).tolist(), there.tolist(), strict=True))
+        return Scan(stamp=stamp, angle_min=laser.angle_min, angle_increment=laser.angle_increment, range_max=laser.range_max, ranges=ranges)
+
+    def _watch_tilt(self, truth: wire.Truth) -> None:
+        if self._tilting is None:
+            return
+        if abs(truth.tilt - self._tilting.target) < TILT_REACHED:
+            self._end_tilt("FINISHED", "")
+        elif time.monotonic() > self._tilting.deadline:
+            self._end_tilt("FAILED", "the head does not get there")
+
+    def _end_tilt(self, status: Any, reason: str) -> None:
+        if self._tilting is not None:
+            self._progress.put(ActionProgress(self._tilting.action_id, status, reason))
+            self._tilting = None
+
+
+def _host_and_port(address: str) -> tuple[str, int]:
+    host, _, port = address.rpartition(":")
+    if not host or not port.isdigit():
+        raise AdapterError(f"the simulator's address is host:port, not {address!r}")
+    return host, int(port)

@@ -1,0 +1,68 @@
+"""The simulated robot's process as a child of the agent: started, waited for, and never left behind."""
+
+import json
+import logging
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from robots.agent.robot_interface import AdapterError
+
+START_TIME = 20.0
+END_TIME = 3.0
+LINGER = 2.0
+
+log = logging.getLogger(__name__)
+
+
+def launch(series: str, options: Mapping[str, Any]) -> tuple[subprocess.Popen[bytes], str]:
+    """Start a simulator and wait for its address; blocks.
+
+    Raises:
+        AdapterError: it did not start; its own sentence stands on standard error.
+    """
+    command = [sys.executable, "-m", "robots.agent.simulator", "--profile", series, "--tied", "--linger", str(options.get("linger", LINGER))]
+    command += [f"--{name}={options[name]}" for name in ("plan", "seed", "start", "charge", "people", "door-changes", "fps") if name in options]
+    if str(options.get("camera", "yes")) == "no":
+        command.append("--no-camera")
+    if "sonar" in str(options.get("sensors", "")):
+        command.append("--sonar")
+    # Out of the terminal's process group: on Ctrl-C the agent brakes and ends it, in this order.
+    # One thread for linear algebra: its matrices are small, and its idle threads would spin beside the agent.
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    flags = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
+    child = subprocess.Popen(  # noqa: S603 -- our own module, with our own interpreter
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True, creationflags=flags, cwd=_root(), env=environment
+    )
+    stuck = threading.Timer(START_TIME, child.kill)
+    stuck.start()
+    try:
+        line = child.stdout.readline() if child.stdout else b""
+    finally:
+        stuck.cancel()
+    if not line:
+        child.kill()
+        raise AdapterError(f"the simulator did not start: exit status {child.wait()}")
+    return child, str(json.loads(line)["address"])
+
+
+def _root() -> str:
+    """Return the folder from which `robots` is imported, so that a child finds it from anywhere."""
+    return str(Path(__file__).resolve().parents[4])
+
+
+def end(child: subprocess.Popen[bytes]) -> None:
+    """Wait for a simulator that was asked to end, and make it end if it does not."""
+    try:
+        child.wait(timeout=END_TIME)
+    except subprocess.TimeoutExpired:
+        log.warning("simulator_killed", extra={"pid": child.pid})
+        child.kill()
+        child.wait()
+    for pipe in (child.stdin, child.stdout):
+        if pipe is not None:
+            pipe.close()

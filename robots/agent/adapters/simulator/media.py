@@ -1,0 +1,193 @@
+"""Camera and microphone of the simulated robot, each on a blocking connection of its own, read by the media side's threads.
+
+Neither touches the control loop: a picture crosses over in shared memory, and only its number comes through the socket.
+"""
+
+import contextlib
+import select
+import socket
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from robots.agent import framing
+from robots.agent.robot_interface import AdapterError, Frame
+from robots.agent.simulator import wire
+from robots.agent.simulator.render.frame_ring import FrameReader
+
+CONNECT_TIME = 2.0
+CHUNK = 64 << 10
+
+Address = tuple[str, int]
+
+
+class MediaLine:
+    """A connection in one role; reads whole messages with a time-out."""
+
+    def __init__(self, address: Address, role: wire.Role) -> None:
+        """Connect and say hello.
+
+        Raises:
+            OSError: nobody is there.
+        """
+        self._socket = socket.create_connection(address, timeout=CONNECT_TIME)
+        self._socket.sendall(framing.pack(wire.Hello(role)))
+        self._buffer = bytearray()
+
+    def read(self, timeout: float) -> Any:
+        """Return the next message, or None when none came in time.
+
+        Raises:
+            OSError: the connection ended.
+            WireError: the other side is no simulator.
+        """
+        while True:
+            message = self._next()
+            if message is not None:
+                return message
+            if not select.select([self._socket], [], [], max(timeout, 0.0))[0]:
+                return None
+            data = self._socket.recv(CHUNK)
+            if not data:
+                raise ConnectionResetError("the simulator hung up")
+            self._buffer += data
+
+    def _next(self) -> Any:
+        body = framing.take(self._buffer)
+        return None if body is None else wire.unpack_answer(body)
+
+    def close(self) -> None:
+        """Hang up; a read in another thread ends with OSError."""
+        with contextlib.suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
+        self._socket.close()
+
+
+class _Source:
+    """What camera and microphone share: connect when read, hang up when stopped, one thread at a time."""
+
+    role: wire.Role
+
+    def __init__(self, where: Callable[[], Address | None]) -> None:
+        self._where = where
+        self._lock = threading.Lock()
+        self._running = threading.Event()
+        self._line: MediaLine | None = None
+
+    def start(self) -> None:
+        """Capture from the next `read` on."""
+        self._running.set()
+
+    def stop(self) -> None:
+        """Stop capturing; the simulator rests when nobody watches."""
+        self._running.clear()
+        with self._lock:
+            self._hang_up()
+
+    def _hang_up(self) -> None:
+        line, self._line = self._line, None
+        if line is not None:
+            line.close()
+
+    def _next(self, timeout: float) -> Any:
+        """Return the next message, None after `timeout`; the caller holds the lock.
+
+        Raises:
+            AdapterError: the simulator is gone.
+        """
+        address = self._where()
+        if address is None:
+            raise AdapterError(f"the {self.role} is not connected")
+        try:
+            if self._line is None:
+                self._line = MediaLine(address, self.role)
+            message = self._line.read(timeout)
+        except (OSError, ValueError, framing.WireError) as error:
+            self._hang_up()
+            raise AdapterError(f"the {self.role} is gone: {error}") from error
+        if isinstance(message, wire.Refused):
+            self._hang_up()
+            raise AdapterError(f"the {self.role} was refused: {message.reason}")
+        return message
+
+
+class SimulatorCamera(_Source):
+    """See contract.VideoSource."""
+
+    role: wire.Role = "camera"
+
+    def __init__(self, where: Callable[[], Address | None]) -> None:
+        super().__init__(where)
+        self._ring: FrameReader | None = None
+
+    def read(self, timeout: float) -> Frame | None:
+        """Return the newest picture that was not read before.
+
+        Raises:
+            AdapterError: the camera is gone; the next read tries again.
+        """
+        if not self._running.wait(timeout):
+            return None
+        with self._lock:
+            if not self._running.is_set():
+                return None
+            newest = self._wait(time.monotonic() + timeout)
+            while newest is not None and (message := self._next(0.0)) is not None:
+                newest = self._take(message) or newest
+            if newest is None or self._ring is None:
+                return None
+            image = self._ring.copy(newest.number)
+            return None if image is None else Frame(image, newest.stamp, "yuv420p")
+
+    def _wait(self, deadline: float) -> wire.FrameReady | None:
+        while (message := self._next(deadline - time.monotonic())) is not None:
+            ready = self._take(message)
+            if ready is not None:
+                return ready
+        return None
+
+    def _take(self, message: Any) -> wire.FrameReady | None:
+        if isinstance(message, wire.Pictures):
+            self._forget_ring()
+            try:
+                self._ring = FrameReader(message.name, message.width, message.height, message.slots)
+            except OSError as error:
+                self._hang_up()
+                raise AdapterError(f"the camera's memory is gone: {error}") from error
+        return message if isinstance(message, wire.FrameReady) else None
+
+    def _hang_up(self) -> None:
+        super()._hang_up()
+        self._forget_ring()
+
+    def _forget_ring(self) -> None:
+        ring, self._ring = self._ring, None
+        if ring is not None:
+            ring.close()
+
+
+class SimulatorMicrophone(_Source):
+    """See contract.AudioSource."""
+
+    role: wire.Role = "microphone"
+
+    def read(self, timeout: float) -> npt.NDArray[np.int16] | None:
+        """Return the next 20 ms, (960,) int16.
+
+        Raises:
+            AdapterError: the microphone is gone; the next read tries again.
+        """
+        if not self._running.wait(timeout):
+            return None
+        with self._lock:
+            if not self._running.is_set():
+                return None
+            deadline = time.monotonic() + timeout
+            message = self._next(timeout)
+            while isinstance(message, wire.Welcome):
+                message = self._next(deadline - time.monotonic())
+            return np.frombuffer(message.samples, dtype=np.int16) if isinstance(message, wire.Sound) else None

@@ -1,0 +1,230 @@
+"""What thinks: where am I, and how do I get to where I was told to go? Localization and navigation of one robot in one site.
+
+    perception ──► localizer ──► navigator ──► thought: pose, the velocity that an action wants, news of actions, the path
+
+The localizer is ours, or the pose that a robot which localizes itself reports.
+Pure: it lives on perceptions, which it should get ten to twenty times a second, and its clock is their stamps.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from robots.agent.autonomy.area import Area, AreaError, own_dock
+from robots.agent.autonomy.sensor_snapshot import Body, Perception, Thought
+from robots.agent.cadence import Cadence
+from robots.agent.localization.localizer import Localizer
+from robots.agent.localization.reported import ReportedLocalizer
+from robots.agent.navigation.navigator import Navigator
+from robots.agent.navigation.planning.costmap import NoWayError
+from robots.agent.robot_interface import ActionProgress
+from robots.agent.safety.ramp import ZERO
+from robots.api.geometry import Pose2D, wrap_angle
+from robots.api.messages import Action, ActionState, Dock, Follow, Goto, Point, Relocalize, Undock, Velocity
+from robots.world.grid import MapError
+from robots.world.sensing import Estimate
+
+PATH_PERIOD = 0.25  # seconds between two words about the path: it gets shorter all the time
+NEWS_PERIOD = 1.0  # seconds between two words about how far an action is
+SEARCH_TIME = 90.0  # seconds for which the robot looks for itself before it gives up
+SETTLING = 1.0  # seconds after which a pose that was given is confirmed by the laser, or not
+DOCK_SPREAD, DOCK_TURN = 0.05, math.radians(4.0)
+DOCK_DOUBT = 0.25  # metres from its dock at which a docked robot is told that it is there
+UNKNOWN_TURN = math.pi
+
+
+class OrderError(ValueError):
+    """What the robot was told to do cannot be begun, in one sentence."""
+
+
+@dataclass
+class _Running:
+    """An action under way, since a stamp, and when it was last spoken of."""
+
+    action_id: str
+    since: float
+    told: float = -math.inf
+    said: str = ""
+
+
+class Mind:
+    """One robot in one site. It does not know where it is until it is placed or has found itself."""
+
+    def __init__(self, area: Area, body: Body, rng: np.random.Generator) -> None:
+        """Read the map.
+
+        Raises:
+            AreaError: nothing can find its way there.
+        """
+        self._area = area
+        self._dock = own_dock(area.plan, body.series)
+        try:
+            self.localizer: Localizer | ReportedLocalizer = ReportedLocalizer() if body.localizes else Localizer(area.grid, rng)
+            self.navigator = Navigator(area.grid, area.plan, np.array(body.footprint), body.limits, body.series)
+        except (MapError, NoWayError) as error:
+            raise AreaError(str(error)) from error
+        self.estimate: Estimate | None = None
+        self._now = 0.0
+        self._driving: _Running | None = None
+        self._searching: _Running | None = None
+        self._news: list[ActionProgress] = []
+        self._path: tuple[Point, ...] = ()
+        self._told_path: tuple[Point, ...] = self._path
+        self._path_due = Cadence(PATH_PERIOD)
+        self._had_contact = False
+
+    # --- orders --------------------------------------------------------------------------------------------------------
+
+    def place(self, pose: Pose2D, spread: float = 0.3, turn: float = math.radians(15.0)) -> None:
+        """Hear where the robot is, give or take `spread` metres and `turn` radians."""
+        self.localizer.set_pose(pose, spread, turn)
+        self.navigator.forget()
+
+    def forget(self) -> None:
+        """Be lost: look for the robot on the whole map."""
+        self.localizer.forget()
+        self.navigator.forget()
+
+    def begin(self, action: Action) -> None:
+        """Begin to go somewhere, or to look for the robot; an action of the same kind that runs is replaced.
+
+        Raises:
+            OrderError: it cannot be done, with the reason.
+        """
+        if isinstance(action, Relocalize):
+            self._relocalize(action)
+            return
+        try:
+            self._go(action)
+        except NoWayError as error:
+            raise OrderError(str(error)) from error
+        self._end_driving("CANCELLED", "replaced")
+        self._driving = _Running(action.action_id, self._now)
+
+    def cancel(self, action_id: str) -> None:
+        """Stop doing something; unknown ids are ignored."""
+        if self._driving is not None and self._driving.action_id == action_id:
+            self.navigator.cancel()
+            self._end_driving("CANCELLED", "cancelled")
+        if self._searching is not None and self._searching.action_id == action_id:
+            self._end_searching("CANCELLED", "cancelled")
+
+    def _go(self, action: Action) -> None:
+        match action:
+            case Goto():
+                self.navigator.goto(*self._goal(action))
+            case Follow():
+                self.navigator.follow(action.points)
+            case Dock():
+                self.navigator.dock()
+            case Undock():
+                self.navigator.undock()
+            case _:
+                raise OrderError(f"navigation cannot do {type(action).__name__.lower()}")
+
+    def _goal(self, action: Goto) -> tuple[float, float, float | None]:
+        if action.place is not None:
+            return self._named(action.place)
+        if action.x is None or action.y is None:
+            raise OrderError("where to? a goal has x and y, or the name of a place")
+        return action.x, action.y, action.theta
+
+    def _named(self, name: str) -> tuple[float, float, float | None]:
+        for place in self._area.plan.places if self._area.plan else ():
+            if name.casefold() in {place.name.casefold(), place.title.casefold()}:
+                return place.x, place.y, place.theta
+        raise OrderError(f"no place is called {name!r} here")
+
+    def _relocalize(self, action: Relocalize) -> None:
+        if action.x is None or action.y is None:
+            self.forget()
+        elif action.theta is None:
+            self.place(Pose2D(action.x, action.y, 0.0), turn=UNKNOWN_TURN)
+        else:
+            self.place(Pose2D(action.x, action.y, wrap_angle(action.theta)))
+        self._end_searching("CANCELLED", "replaced")
+        self._searching = _Running(action.action_id, self._now)
+        self._tell(action.action_id, "RUNNING")
+
+    # --- thinking ------------------------------------------------------------------------------------------------------
+
+    def think(self, perception: Perception) -> Thought:
+        """Return what follows from one moment."""
+        self._now = perception.stamp
+        self._anchor(perception)
+        if isinstance(self.localizer, ReportedLocalizer):
+            self.localizer.report(perception.pose)
+        estimate = self.estimate = self.localizer.update(perception.stamp, perception.odometry, perception.beams)
+        self._watch_search(estimate)
+        wanted = self._drive(estimate, perception)
+        path = None if self._path is self._told_path else self._path
+        self._told_path = self._path
+        news, self._news = tuple(self._news), []
+        return Thought(
+            stamp=perception.stamp,
+            odometry=perception.odometry,
+            pose=estimate.pose,
+            covariance=estimate.covariance,
+            score=float(estimate.score),
+            localized=bool(estimate.localized),
+            wanted=wanted,
+            news=news,
+            path=path,
+        )
+
+    def _anchor(self, perception: Perception) -> None:
+        """A robot that feels the contacts of its only dock knows where it is."""
+        came, self._had_contact = perception.charger_contact and not self._had_contact, perception.charger_contact
+        if not came or self._dock is None:
+            return
+        dock, estimate = Pose2D(self._dock.x, self._dock.y, self._dock.theta), self.estimate
+        if estimate is None or not estimate.localized or estimate.pose.distance(dock) > DOCK_DOUBT:
+            self.place(dock, DOCK_SPREAD, DOCK_TURN)
+
+    def _drive(self, estimate: Estimate, perception: Perception) -> Velocity | None:
+        step = self.navigator.step(
+            estimate=estimate,
+            odometry=perception.odometry,
+            velocity=perception.velocity,
+            points=perception.points,
+            beams=perception.beams,
+            charger_contact=perception.charger_contact,
+            now=perception.stamp,
+        )
+        running = self._driving
+        if running is None:
+            return None
+        if step.status != "RUNNING":
+            self._end_driving(step.status, step.reason)
+            return ZERO
+        if not self._path or self._path_due.due(self._now):
+            self._path = tuple((x, y) for x, y in np.round(step.path, 3).tolist())
+        if running.said != step.reason or self._now - running.told >= NEWS_PERIOD:
+            running.told, running.said = self._now, step.reason
+            self._news.append(ActionProgress(running.action_id, "RUNNING", step.reason, {"progress": round(step.progress, 3)}))
+        return step.velocity or ZERO
+
+    def _watch_search(self, estimate: Estimate) -> None:
+        if self._searching is None:
+            return
+        seconds = self._now - self._searching.since
+        if estimate.localized and seconds >= SETTLING:
+            self._end_searching("FINISHED", "", {"x": estimate.pose.x, "y": estimate.pose.y, "theta": estimate.pose.theta, "score": estimate.score})
+        elif seconds >= SEARCH_TIME:
+            self._end_searching("FAILED", "the robot has not found itself; drive it a little, or show it where it is")
+
+    # --- news ----------------------------------------------------------------------------------------------------------
+
+    def _end_driving(self, status: ActionState, reason: str) -> None:
+        if self._driving is not None:
+            self._tell(self._driving.action_id, status, reason)
+            self._driving, self._path = None, ()
+
+    def _end_searching(self, status: ActionState, reason: str, result: dict[str, float | str | bool | None] | None = None) -> None:
+        if self._searching is not None:
+            self._tell(self._searching.action_id, status, reason, result)
+            self._searching = None
+
+    def _tell(self, action_id: str, status: ActionState, reason: str = "", result: dict[str, float | str | bool | None] | None = None) -> None:
+        self._news.append(ActionProgress(action_id, status, reason, result or {}))

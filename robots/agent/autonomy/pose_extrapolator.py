@@ -1,0 +1,49 @@
+"""Where the robot is now, between two thoughts: the newest one's pose, moved on by the odometry."""
+
+from robots.agent.autonomy.sensor_snapshot import Thought
+from robots.agent.robot_interface import NOWHERE
+from robots.api.geometry import Pose2D, wrap_angle
+from robots.api.messages import Pose
+
+STALE = 2.0  # seconds without a thought after which dead reckoning is no localization any more
+LARGEST = 1e9  # variances beyond that tell nothing more, and the wire knows no infinity
+
+
+class Whereabouts:
+    """The pose of a robot that thinks ten or twenty times a second and moves all the time."""
+
+    def __init__(self) -> None:
+        self._thought: Thought | None = None
+        self._map_from_odometry: Pose2D | None = None
+        self._at = float("-inf")
+
+    def take(self, thought: Thought, now: float) -> None:
+        """Take a thought; `now` is monotonic time in seconds."""
+        self._thought, self._at = thought, now
+        self._map_from_odometry = thought.pose.compose(thought.odometry.inverse())
+
+    @property
+    def trusted(self) -> bool:
+        """Tell whether the newest thought knew where the robot was."""
+        return self._thought is not None and self._thought.localized
+
+    @property
+    def unheard(self) -> bool:
+        """Tell whether there has been no thought yet."""
+        return self._thought is None
+
+    def place(self, odometry: Pose2D | None) -> Pose2D | None:
+        """Return the pose in the map at an odometry pose, as well as it is known; None before the first thought."""
+        if self._map_from_odometry is None or odometry is None:
+            return None
+        return self._map_from_odometry.compose(odometry)
+
+    def pose(self, odometry: Pose2D | None, now: float) -> Pose:
+        """Return the same as a message; one that is lost, or that no thought confirms, says so."""
+        place, thought = self.place(odometry), self._thought
+        if place is None or thought is None:
+            return NOWHERE
+        known = thought.localized and now - self._at <= STALE
+        xx, xy, xt, yy, yt, tt = (min(max(value, -LARGEST), LARGEST) for value in thought.covariance)
+        score = min(max(thought.score, 0.0), 1.0) if now - self._at <= STALE else 0.0
+        return Pose(x=place.x, y=place.y, theta=wrap_angle(place.theta), covariance=(xx, xy, xt, yy, yt, tt), localized=known, score=score)

@@ -1,0 +1,65 @@
+"""What goes into a mind and what comes out of it."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robots.agent.robot_interface import ActionProgress
+from robots.api.geometry import Pose2D
+from robots.api.messages import Laser, Limits, Point, Pose, Scan, Velocity
+from robots.world.sensing import Beams, Covariance, Floats
+
+NO_POINTS: Floats = np.zeros((0, 2))
+
+
+@dataclass(frozen=True)
+class Body:
+    """What a mind must know about its robot: `series` says which docks are its own, `localizes` that it reports its own pose."""
+
+    series: str
+    footprint: tuple[Point, ...]
+    limits: Limits
+    localizes: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Perception:
+    """One moment of a robot's own sensors.
+
+    `stamp` in seconds by the robot's clock, `odometry` in a frame of its own, `beams` the newest sweep, `points` (n, 2) what stands about
+    the robot as far as it was seen lately, in the robot's frame, `pose` where a robot that localizes itself says that it is, in the map.
+    """
+
+    stamp: float
+    odometry: Pose2D
+    velocity: Velocity
+    charger_contact: bool = False
+    beams: Beams | None = None
+    points: Floats = field(default_factory=lambda: NO_POINTS)
+    pose: Pose | None = None
+
+
+@dataclass(frozen=True)
+class Thought:
+    """What a mind makes of a perception.
+
+    `pose` in the map at `stamp`, when the odometry was `odometry`. `wanted` is None while no action moves the robot. `news` tells of
+    actions, `path` is what the robot follows, None when that has not changed since the last thought.
+    """
+
+    stamp: float
+    odometry: Pose2D
+    pose: Pose2D
+    covariance: Covariance
+    score: float
+    localized: bool
+    wanted: Velocity | None = None
+    news: tuple[ActionProgress, ...] = ()
+    path: tuple[Point, ...] | None = None
+
+
+def beams_of(scan: Scan, laser: Laser) -> Beams:
+    """Return a scan as the sweep of a laser that sits where `laser` says; `null` is where nothing came back."""
+    ranges = np.array([np.inf if value is None else value for value in scan.ranges], dtype=np.float64)
+    mount = Pose2D(laser.x, laser.y, laser.theta)
+    return Beams(scan.stamp, scan.angle_min, scan.angle_increment, scan.range_max, ranges, mount)

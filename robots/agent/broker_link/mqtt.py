@@ -1,0 +1,272 @@
+"""The agent's one connection to the broker: made again for ever, and the same after each time.
+
+The agent dials out only, over TCP, TLS or WebSocket. It says ONLINE and its factsheet on every connection (a broker that was
+restarted has lost them), leaves a will that says CONNECTIONBROKEN, and watches its own presence: the will of a connection that died
+half open arrives seconds after the next one is up, and is then answered with ONLINE.
+"""
+
+import asyncio
+import logging
+import math
+import random
+import secrets
+import ssl
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Literal, Protocol
+from urllib.parse import unquote, urlsplit
+
+from aiomqtt import Client, MqttError, Will
+from aiomqtt import Message as Delivery
+from paho.mqtt.reasoncodes import ReasonCode
+
+from robots.agent.backoff import Backoff
+from robots.agent.broker_link.broker_discovery import believed
+from robots.agent.broker_link.outbox import Letter, Outbox, letter
+from robots.api import codec, topics
+from robots.api.errors import Rejection
+from robots.api.messages import Connection, Factsheet
+
+log = logging.getLogger(__name__)
+
+KEEPALIVE = 5
+TIMEOUT = 5.0
+FAREWELL = 2.0
+IN_FLIGHT = 20
+INCOMING = 5000
+SUBSCRIPTION_REFUSED = 0x80
+PORTS = {"mqtt": 1883, "mqtts": 8883, "ws": 80, "wss": 443}
+
+
+class Inbox(Protocol):
+    """Where what arrives goes. Called on the link's loop; must return at once."""
+
+    def arrived(self, suffix: str, message: Any, *, retained: bool) -> None:
+        """Take a decoded message; `message` is None for an empty one, which is how a retained message is taken back."""
+
+    def rejected(self, reason: str) -> None:
+        """Count a message that could not be decoded."""
+
+    def link_changed(self, *, up: bool) -> None:
+        """The broker was reached, or lost."""
+
+    def rival(self, boot: str | None) -> None:
+        """Another agent says that it is this robot (its boot), or has gone (None)."""
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """Where the broker is, and who we are to it."""
+
+    host: str
+    port: int
+    transport: Literal["tcp", "websockets"]
+    tls: ssl.SSLContext | None
+    path: str | None
+    username: str | None = None
+    password: str | None = None
+
+    @classmethod
+    def of(cls, url: str, username: str | None = None, password: str | None = None, ca: str | None = None) -> "Endpoint":
+        """Read `mqtt://`, `mqtts://`, `ws://` or `wss://host:port/path`; `ca` is a file of certificates to trust besides the system's.
+
+        Raises:
+            ValueError: not such an address, or the file cannot be read; one sentence.
+        """
+        parts = urlsplit(url)
+        if parts.scheme not in PORTS or not parts.hostname:
+            raise ValueError(f"the broker's address is mqtt://, mqtts://, ws:// or wss://host:port, not {url!r}")
+        web = parts.scheme in {"ws", "wss"}
+        return cls(
+            host=parts.hostname,
+            port=parts.port or PORTS[parts.scheme],
+            transport="websockets" if web else "tcp",
+            tls=believed(ca) if parts.scheme in {"mqtts", "wss"} else None,
+            path=(parts.path or "/mqtt") if web else None,
+            username=username or (unquote(parts.username) if parts.username else None),
+            password=password or (unquote(parts.password) if parts.password else None),
+        )
+
+
+class MqttLink:
+    """Connects for ever, keeps what must not be lost, and hands what arrives to an inbox.
+
+    Args:
+        endpoint: where the broker is. `others` are the same broker by other ways, tried in turn where one leads nowhere.
+        factsheet: says who we are; said again on each connection.
+        rng: spreads the attempts of many robots.
+    """
+
+    def __init__(
+        self,
+        endpoint: Endpoint,
+        factsheet: Factsheet,
+        *,
+        rng: random.Random,
+        unix: Callable[[], float] = time.time,
+        others: tuple[Endpoint, ...] = (),
+    ) -> None:
+        self.connected = False
+        self.outbox = Outbox()
+        self._endpoints, self._factsheet, self._unix = (endpoint, *others), factsheet, unix
+        self._backoff = Backoff(rng, longest=1.0)  # well below the time of a lease, which a restart of the broker must not end
+        self._wake, self._closing = asyncio.Event(), asyncio.Event()
+        self._rival: str | None = None
+        # Nothing that anybody is told: with Mosquitto, whoever knows a client id takes its connection over.
+        self._client_id = f"{factsheet.name[:40]}-{secrets.token_hex(8)}"
+
+    def credentials_changed(self, username: str, password: str) -> None:
+        """Be somebody else to the broker from the next connection on; may be called from any thread."""
+        self._endpoints = tuple(replace(endpoint, username=username, password=password) for endpoint in self._endpoints)
+
+    def publish(self, suffix: str, payload: bytes) -> None:
+        """Send, now or (what must not be lost) when the broker is back."""
+        self.outbox.put(letter(suffix, payload), connected=self.connected)
+        self._wake.set()
+
+    async def run(self, inbox: Inbox) -> None:
+        """Stay connected until `close()`."""
+        while not self._closing.is_set():
+            began = time.monotonic()
+            try:
+                await self._connection(inbox)
+            except* (MqttError, OSError) as errors:
+                reasons = "; ".join(sorted({str(error) for error in _leaves(errors)}))
+                log.warning("broker_unreachable host=%s port=%s reason=%r", self._endpoint.host, self._endpoint.port, reasons)
+            held = time.monotonic() - began if self.connected else 0.0
+            if not self.connected:
+                self._endpoints = (*self._endpoints[1:], self._endpoints[0])
+            self._lost(inbox)
+            await self._pause(self._backoff.failed(held))
+
+    @property
+    def _endpoint(self) -> Endpoint:
+        return self._endpoints[0]
+
+    def close(self) -> None:
+        """Say what is still to be said, and OFFLINE; then `run` returns. It does so in FAREWELL seconds, or is to be cancelled."""
+        self._closing.set()
+        self._wake.set()
+
+    # --- one connection ----------------------------------------------------------------------------------------------
+
+    async def _connection(self, inbox: Inbox) -> None:
+        async with self._client() as client:
+            client.pending_calls_threshold = 10 * IN_FLIGHT
+            async with asyncio.TaskGroup() as tasks:
+                receiving = tasks.create_task(self._receive(client, inbox))
+                await self._greet(client)
+                self.connected = True
+                log.info("broker_connected host=%s port=%s", self._endpoint.host, self._endpoint.port)
+                inbox.link_changed(up=True)
+                await self._send(client, tasks)
+                await self._farewell(client)
+                receiving.cancel()
+
+    def _client(self) -> Client:
+        place = self._endpoint
+        return Client(
+            place.host,
+            place.port,
+            username=place.username,
+            password=place.password,
+            identifier=self._client_id,
+            transport=place.transport,
+            websocket_path=place.path,
+            tls_context=place.tls,
+            keepalive=KEEPALIVE,
+            timeout=TIMEOUT,
+            clean_session=True,
+            will=Will(self._topic("connection"), self._presence("CONNECTIONBROKEN"), qos=1, retain=True),
+            max_queued_incoming_messages=INCOMING,
+        )
+
+    async def _greet(self, client: Client) -> None:
+        granted = await client.subscribe(list(topics.subscriptions(self._factsheet.name)))
+        if any((code.value if isinstance(code, ReasonCode) else code) >= SUBSCRIPTION_REFUSED for code in granted):
+            raise MqttError("the broker does not let this robot read its own topics")
+        await client.publish(self._topic("factsheet"), codec.encode(self._factsheet), qos=1, retain=True)
+        await client.publish(self._topic("connection"), self._presence("ONLINE"), qos=1, retain=True)
+
+    async def _send(self, client: Client, tasks: asyncio.TaskGroup) -> None:
+        """Send what is in the outbox, in order, IN_FLIGHT at a time, until `close()` was called and all of it has arrived."""
+        while not (self._closing.is_set() and not len(self.outbox) and not self.outbox.unacknowledged):
+            while len(self.outbox) and self.outbox.unacknowledged < IN_FLIGHT:
+                tasks.create_task(self._deliver(client, self.outbox.take()))
+            self._wake.clear()
+            await self._wake.wait()
+
+    async def _deliver(self, client: Client, message: Letter) -> None:
+        await client.publish(self._topic(message.suffix), message.payload, qos=message.qos, retain=message.retained)
+        self.outbox.acknowledged(message)
+        self._wake.set()
+
+    async def _farewell(self, client: Client) -> None:
+        await client.publish(self._topic("connection"), self._presence("OFFLINE"), qos=1, retain=True, timeout=FAREWELL)
+
+    async def _receive(self, client: Client, inbox: Inbox) -> None:
+        async for delivery in client.messages:
+            self._take(delivery, inbox)
+
+    def _take(self, delivery: Delivery, inbox: Inbox) -> None:
+        parsed = topics.parse(str(delivery.topic))
+        payload = delivery.payload if isinstance(delivery.payload, bytes) else b""
+        if parsed is None:
+            inbox.rejected("unknown_topic")
+            return
+        suffix = parsed[1]
+        try:
+            if suffix == "connection":
+                self._watch_presence(codec.decode(suffix, payload), inbox, retained=bool(delivery.retain))
+            else:
+                message = codec.decode(suffix, payload, "to_robot") if payload else None
+                inbox.arrived(suffix, message, retained=bool(delivery.retain))
+        except Rejection as rejection:
+            log.warning("message_rejected suffix=%s reason=%s detail=%r", suffix[:80], rejection.reason, rejection.detail[:200])
+            inbox.rejected(rejection.reason)
+
+    def _watch_presence(self, presence: Connection, inbox: Inbox, *, retained: bool) -> None:
+        """Answer a will that came late, and notice another agent that says it is this robot.
+
+        Boots sort by the time of their start, so of two agents exactly one, the older, finds that it has a rival and yields.
+        """
+        if retained or self._closing.is_set():
+            return
+        own = self._factsheet.boot
+        if presence.state == "ONLINE" and presence.boot > own and presence.boot != self._rival:
+            self._rival = presence.boot
+            inbox.rival(presence.boot)
+        elif presence.state != "ONLINE" or presence.boot < own:
+            self.publish("connection", self._presence("ONLINE"))
+            if presence.boot == self._rival:
+                self._rival = None
+                inbox.rival(None)
+
+    # --- between connections -----------------------------------------------------------------------------------------
+
+    def _lost(self, inbox: Inbox) -> None:
+        was_connected, self.connected = self.connected, False
+        self.outbox.disconnected()
+        if was_connected:
+            inbox.link_changed(up=False)
+
+    async def _pause(self, seconds: float) -> None:
+        try:
+            async with asyncio.timeout(seconds if seconds < math.inf else None):
+                await self._closing.wait()
+        except TimeoutError:
+            log.debug("broker_again after=%.1f", seconds)
+
+    def _topic(self, suffix: str) -> str:
+        return topics.of(self._factsheet.name, suffix)
+
+    def _presence(self, state: Literal["ONLINE", "OFFLINE", "CONNECTIONBROKEN"]) -> bytes:
+        return codec.encode(Connection(boot=self._factsheet.boot, state=state, stamp=self._unix()))
+
+
+def _leaves(group: BaseExceptionGroup[Any]) -> list[BaseException]:
+    found: list[BaseException] = []
+    for error in group.exceptions:
+        found += _leaves(error) if isinstance(error, BaseExceptionGroup) else [error]
+    return found

@@ -1,0 +1,372 @@
+"""Everything a robot can be asked besides velocities: permitted by the kernel, begun once, and reported until it ends."""
+
+import asyncio
+import logging
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+import av
+import msgspec
+
+from robots.agent.cadence import Cadence
+from robots.agent.control.action_history import ENDED, Ledger
+from robots.agent.control.calls import Calls
+from robots.agent.control.publisher import WaysOut
+from robots.agent.control.reports import Reports
+from robots.agent.control.supervised_adapter import AdapterLink
+from robots.agent.media.photos import develop
+from robots.agent.robot_interface import ActionProgress, AdapterError, Frame
+from robots.agent.safety.kernel import Kernel
+from robots.agent.safety.permissions import MOTION, Sender, role_of
+from robots.agent.timing import Times
+from robots.api.messages import (
+    Action,
+    ActionState,
+    ActionStatus,
+    AnswerCall,
+    Call,
+    Cancel,
+    ClearEStop,
+    Dock,
+    EStop,
+    Mode,
+    Photo,
+    ResendStates,
+    Say,
+    Stop,
+    Undock,
+    Words,
+)
+
+log = logging.getLogger(__name__)
+
+REFUSALS_ANSWERED = 0.05  # s between two answers to what was refused: a flood of nonsense earns no flood of answers
+PHOTOS_AT_ONCE = 4
+RESENT_AT_ONCE = 100
+RESEND_PAUSE = 0.05
+CANCEL = "cancel"
+CANCEL_AGAIN = 1.0  # s between two attempts to cancel
+
+Spawn = Callable[[Coroutine[Any, Any, None]], None]
+Result = dict[str, float | str | bool | None]
+
+
+class Actions:
+    """One handler an action.
+
+    Args:
+        kernel: permits, stops, latches.
+        adapter: begins what the RCA does.
+        reports: states and events.
+        out: where answers go.
+        snapshot: returns the newest frame; may block.
+        latch_changed: remembers the latch, now; returns when the disk has it.
+        turn_wheels: lets the kernel's decision reach the base at once.
+        spawn: runs a coroutine beside the loop.
+        calls: who is let through to the people at the robot.
+    """
+
+    def __init__(
+        self,
+        kernel: Kernel,
+        adapter: AdapterLink,
+        reports: Reports,
+        out: WaysOut,
+        *,
+        snapshot: Callable[[], Frame | None],
+        latch_changed: Callable[[], Coroutine[Any, Any, None]],
+        turn_wheels: Callable[[], None],
+        spawn: Spawn,
+        times: Times,
+        calls: Calls,
+    ) -> None:
+        self._kernel, self._adapter, self._reports, self._out = kernel, adapter, reports, out
+        self._snapshot, self._latch_changed, self._turn_wheels, self._spawn, self._times = snapshot, latch_changed, turn_wheels, spawn, times
+        self._calls = calls
+        self._ledger = Ledger()
+        self._refusals = Cadence(REFUSALS_ANSWERED)
+        self._photos = 0
+        self._waiting: Action | None = None  # to be begun when the robot stands
+        self._final: dict[str, ActionStatus] = {}  # what is true once the robot stands, and not before
+
+    def tick(self) -> None:
+        """Begin what waited for the robot to stand, and say what is true now that it does, or that a driver has it."""
+        waiting, running = self._waiting, self._kernel.navigation
+        if waiting is not None and (running is None or running.action_id != waiting.action_id):
+            self._waiting = None
+        elif waiting is not None and running is not None and running.may_begin:
+            self._waiting = None
+            self._spawn(self._start(waiting))
+        if self._final and (self._kernel.stands or self._kernel.fault or self._kernel.braking(self._times.now()) is None):
+            final, self._final = self._final, {}
+            self._reports.errors.pop(CANCEL, None)
+            for status in final.values():
+                self._end(status)
+
+    def take(self, action: Action, sender: Sender) -> None:
+        """Do what is asked, or say why not."""
+        action = self._stamped(action, sender)
+        if isinstance(action, Stop):
+            self._stop(action, sender)
+        elif isinstance(action, EStop):
+            self._estop(action, sender)
+        elif (before := self._ledger.of(action.action_id)) is not None:
+            self._out.send("action", before)
+        elif reason := self._kernel.permit(action, sender, now=self._times.now(), unix=self._times.unix()):
+            log.info("action_refused type=%s reason=%s way=%s", kind_of(action), reason, sender.way)
+            if self._refusals.due(self._times.now()):
+                self._out.send("action", self._status(action, "FAILED", reason))
+        else:
+            self._begin(action)
+
+    def progressed(self, progress: ActionProgress) -> None:
+        """Take the adapter's news of an action."""
+        before = self._ledger.of(progress.action_id)
+        kind = before.type if before else ""
+        status = ActionStatus(
+            action_id=progress.action_id,
+            status=progress.status,
+            stamp=self._times.unix(),
+            type=kind,
+            reason=progress.reason[:300],
+            result=progress.result,
+        )
+        if before is None or progress.action_id in self._final:
+            return
+        if progress.status in ENDED and self._kernel.navigation_ended(progress.action_id):
+            self._final[progress.action_id] = status
+        else:
+            self._end(status)
+
+    def cancelled(self, action_id: str, reason: str) -> None:
+        """The kernel has ended an action that moves the robot: tell the adapter, and, when the robot stands, whoever asked for it."""
+        self._final[action_id] = self._ended_by(action_id, reason)
+        if self._waiting is None or self._waiting.action_id != action_id:
+            self._spawn(self._cancel_at_adapter(action_id))
+
+    async def _cancel_at_adapter(self, action_id: str) -> None:
+        """Tell the adapter until it has taken it, or the robot stands."""
+        while True:
+            try:
+                await self._adapter.cancel(action_id)
+            except AdapterError as error:
+                log.warning("cancel_failed action=%s reason=%r", action_id, str(error))
+                if action_id not in self._final:
+                    return
+                self._reports.errors[CANCEL] = f"{CANCEL}: {error}"[:300]
+                await asyncio.sleep(CANCEL_AGAIN)
+            else:
+                return
+
+    def _ended_by(self, action_id: str, reason: str) -> ActionStatus:
+        before = self._ledger.of(action_id)
+        return ActionStatus(action_id=action_id, status="CANCELLED", stamp=self._times.unix(), type=before.type if before else "", reason=reason)
+
+    def _end(self, status: ActionStatus) -> None:
+        """Say how far an action is, and what that means for its goal."""
+        status = msgspec.structs.replace(status, stamp=self._times.unix())
+        if self._say(status) and status.type in {"goto", "follow"} and status.status in {"FINISHED", "FAILED"}:
+            event = "goal_reached" if status.status == "FINISHED" else "goal_blocked"
+            self._reports.event(event, action_id=status.action_id, detail=status.reason)
+
+    def button_pressed(self) -> None:
+        """The robot's own e-stop was pressed."""
+        self._latched("button", None)
+
+    def _stamped(self, action: Action, sender: Sender) -> Action:
+        """Return the action with the role and user that count; on a data channel the page's own are discarded."""
+        if sender.way == "mqtt":
+            return action
+        lease = self._kernel.leases.live(self._times.now())
+        drives = role_of(action, sender, lease) == "driver"
+        return msgspec.structs.replace(action, role="driver" if drives else "observer", user=lease.who if lease and drives else "")
+
+    # --- stop --------------------------------------------------------------------------------------------------------
+
+    def _stop(self, action: Stop, sender: Sender) -> None:
+        obeyed = self._kernel.stop(action, sender, self._times.now())
+        self._turn_wheels()
+        self._stopped(action, obeyed=obeyed)
+
+    def _estop(self, action: EStop, sender: Sender) -> None:
+        watches = role_of(action, sender, self._kernel.leases.live(self._times.now())) == "observer"
+        obeyed = self._kernel.estop(action, sender, now=self._times.now(), unix=self._times.unix())
+        self._turn_wheels()
+        if watches:
+            self._stopped(action, obeyed=obeyed)
+        elif obeyed:
+            self._latched(action.detail, action)
+        else:
+            self._reports.hurry()
+
+    def _stopped(self, action: Stop | EStop, *, obeyed: bool) -> None:
+        if obeyed:
+            self._reports.event("stopped", action_id=action.action_id, detail=action.role)
+        self._reports.hurry()
+        self._out.send("action", self._status(action, "FINISHED"))
+
+    def _latched(self, detail: str, action: EStop | None) -> None:
+        latch = self._kernel.latch
+        source = latch.label if latch else ""
+        log.warning("estop source=%r detail=%r", source, detail)
+        self._reports.event("estop", action_id=action.action_id if action else None, detail=f"{source} {detail}".strip())
+        self._reports.hurry()
+        self._spawn(self._keep_latch(action))
+
+    async def _keep_latch(self, action: Action | None) -> None:
+        await self._latch_changed()
+        if action is not None:
+            self._out.send("action", self._status(action, "FINISHED"))
+
+    # --- everything else ---------------------------------------------------------------------------------------------
+
+    def _begin(self, action: Action) -> None:
+        match action:
+            case ClearEStop():
+                self._clear_estop(action)
+            case Cancel():
+                self._cancel(action)
+            case Photo():
+                self._photo(action)
+            case ResendStates():
+                self._resend(action)
+            case Say():
+                self._say_words(action)
+            case Call() | AnswerCall():
+                self._call(action)
+            case _:
+                self._hand_over(action)
+
+    def _clear_estop(self, action: ClearEStop) -> None:
+        was = self._kernel.latch
+        self._kernel.clear_estop(self._times.now())
+        self._ledger.record(self._status(action, "RUNNING"))
+        if was is not None:
+            log.warning("estop_cleared by=%s:%s was=%r", action.role, action.user, was.label)
+            self._reports.event("estop_cleared", action_id=action.action_id, detail=f"{action.role}:{action.user}")
+        self._reports.hurry()
+        self._spawn(self._cleared(action))
+
+    async def _cleared(self, action: ClearEStop) -> None:
+        await self._latch_changed()
+        self._say(self._status(action, "FINISHED"))
+
+    def _cancel(self, action: Cancel) -> None:
+        if self._kernel.cancel(action.target) is not None:
+            for action_id, reason in self._kernel.drain_cancelled():
+                self.cancelled(action_id, reason)
+            self._say(self._status(action, "RUNNING"))
+            self._final[action.action_id] = self._status(action, "FINISHED")
+        elif action.target is not None and self._ledger.runs(action.target):
+            self._say(self._ended_by(action.target, "cancelled"))
+            self._spawn(self._cancel_at_adapter(action.target))
+            self._say(self._status(action, "FINISHED"))
+        else:
+            self._say(self._status(action, "FAILED", "nothing_runs"))
+
+    def _hand_over(self, action: Action) -> None:
+        self._say(self._status(action, "WAITING"))
+        if isinstance(action, MOTION):
+            self._kernel.navigate(action.action_id, _mode_of(action), ordered_by_server=action.role == "server", now=self._times.now())
+            for action_id, reason in self._kernel.drain_cancelled():
+                self.cancelled(action_id, reason)
+            self._waiting = action
+        else:
+            self._spawn(self._start(action))
+
+    async def _start(self, action: Action) -> None:
+        try:
+            await self._adapter.start(action)
+        except AdapterError as error:
+            self._kernel.navigation_ended(action.action_id)
+            self._say(self._status(action, "FAILED", str(error)))
+            return
+        # Stopped or cancelled while the RCA was still thinking about it.
+        if action.action_id in self._final or not self._ledger.runs(action.action_id):
+            await self._cancel_at_adapter(action.action_id)
+
+    def _photo(self, action: Photo) -> None:
+        if self._photos >= PHOTOS_AT_ONCE:
+            self._say(self._status(action, "FAILED", "busy"))
+            return
+        self._photos += 1
+        self._say(self._status(action, "RUNNING"))
+        self._spawn(self._take_photo(action))
+
+    async def _take_photo(self, action: Photo) -> None:
+        try:
+            frame = await asyncio.to_thread(self._snapshot)
+            photo = await asyncio.to_thread(develop, frame) if frame is not None else None
+        except (AdapterError, av.FFmpegError, ValueError) as error:
+            log.warning("photo_failed reason=%r", str(error))
+            frame = photo = None
+        finally:
+            self._photos -= 1
+        if photo is None:
+            self._say(self._status(action, "FAILED", "no_picture" if frame is None else "too_large"))
+            return
+        self._out.record(f"photo/{action.action_id}", photo.jpeg)
+        self._reports.event("photo", action_id=action.action_id, sha256=photo.sha256)
+        self._say(self._status(action, "FINISHED", result={"sha256": photo.sha256, "bytes": float(len(photo.jpeg)), "stamp": photo.stamp}))
+
+    def _resend(self, action: ResendStates) -> None:
+        if action.boot != self._reports.boot or action.last < action.first:
+            self._say(self._status(action, "FAILED", "unknown_boot" if action.boot != self._reports.boot else "empty_range"))
+            return
+        self._say(self._status(action, "RUNNING"))
+        self._spawn(self._say_again(action))
+
+    async def _say_again(self, action: ResendStates) -> None:
+        """Send kept states, a hundred at a time, so that ten minutes of the past do not stand in the way of the present."""
+        states = self._reports.kept(action.first, action.last)
+        for start in range(0, len(states), RESENT_AT_ONCE):
+            for payload in states[start : start + RESENT_AT_ONCE]:
+                self._out.record("state", payload)
+            await asyncio.sleep(RESEND_PAUSE)
+        missing = action.last - action.first + 1 - len(states)
+        self._say(self._status(action, "FINISHED", result={"sent": float(len(states)), "missing": float(missing)}))
+
+    def _say_words(self, action: Say) -> None:
+        """Bring words over to the other side; those of somebody at the robot need a visitor to hear them."""
+        lease = self._kernel.leases.live(self._times.now())
+        if lease is None:
+            self._say(self._status(action, "FAILED", "nobody_there"))
+            return
+        here = action.role == "screen"
+        words = Words(
+            stamp=self._times.unix(), action_id=action.action_id, session=lease.session, by="screen" if here else "driver",
+            who=action.user if here else lease.who, text=action.text, language=action.language, aloud=action.aloud and not here,
+        )  # fmt: skip
+        self._out.send("words", words)
+        self._say(self._status(action, "FINISHED"))
+
+    def _call(self, action: Call | AnswerCall) -> None:
+        now = self._times.now()
+        lease = self._kernel.leases.live(now)
+        reason = None
+        if isinstance(action, AnswerCall):
+            reason = self._calls.answer(accept=action.accept, lease=lease, now=now)
+        elif lease is not None:
+            self._calls.ask(action, lease, now)
+        self._reports.hurry()
+        self._say(self._status(action, "FAILED" if reason else "FINISHED", reason or ""))
+
+    def _status(self, action: Action, status: ActionState, reason: str = "", result: Result | None = None) -> ActionStatus:
+        return ActionStatus(
+            action_id=action.action_id, status=status, stamp=self._times.unix(), type=kind_of(action), reason=reason[:300], result=result or {}
+        )
+
+    def _say(self, status: ActionStatus) -> bool:
+        if not self._ledger.record(status):
+            return False
+        self._out.send("action", status)
+        return True
+
+
+def kind_of(action: Action) -> str:
+    """Return an action's type as it stands on the wire."""
+    return str(type(action).__struct_config__.tag)
+
+
+def _mode_of(action: Action) -> Mode:
+    return "docking" if isinstance(action, Dock | Undock) else "goto"

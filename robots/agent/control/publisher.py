@@ -1,0 +1,103 @@
+"""Every way out of a robot: records and presence to the broker, and what a page shows to the data channels as well."""
+
+from typing import Any, Protocol
+
+from robots.agent.broker_link.mqtt import Inbox
+from robots.agent.robot_interface import Frame
+from robots.api import codec, picture, topics
+from robots.api.messages import CameraStatus, LabReport, Message, NetworkLab, PictureRequest, Pointer, Signal
+
+
+class Link(Protocol):
+    """The way to the broker (mqtt.MqttLink); all of it on the control loop."""
+
+    connected: bool
+
+    def publish(self, suffix: str, payload: bytes) -> None:
+        """Send, or keep what must not be lost."""
+
+    async def run(self, inbox: Inbox) -> None:
+        """Stay connected until `close()`."""
+
+    def close(self) -> None:
+        """Say goodbye; `run` returns."""
+
+
+class Media(Protocol):
+    """The media side (media.MediaSide); all of it thread-safe."""
+
+    def start(self) -> None:
+        """Begin to take signals."""
+
+    def close(self) -> None:
+        """Hang up on everybody."""
+
+    def signal(self, peer: str, message: Signal) -> None:
+        """Take an offer, candidate or bye of a page, or the server's word that it may stay."""
+
+    def lease_changed(self, driver_peer: str | None) -> None:
+        """The lease names this peer now, or nobody."""
+
+    def let_through(self, *, audio: bool, video: bool, volume: float) -> None:
+        """Let the driver's voice and face through to the people at the robot from now on, or not; `volume` is a share."""
+
+    def impair(self, lab: NetworkLab | None) -> None:
+        """Put this on the driver's picture and sound from now on, or nothing."""
+
+    def telemetry(self, suffix: str, message: Message) -> None:
+        """Send a message to every page that is connected."""
+
+    def point(self, pointer: Pointer) -> None:
+        """Send where one side points to the pages of the other that are connected."""
+
+    def picture_wanted(self, request: PictureRequest) -> None:
+        """Send one more picture through the server."""
+
+    def snapshot(self) -> Frame | None:
+        """Return a fresh frame of the camera; may block."""
+
+    @property
+    def connected(self) -> int:
+        """How many pages are connected."""
+
+    @property
+    def screens(self) -> int:
+        """How many of the robot's own displays are connected."""
+
+    @property
+    def camera_status(self) -> CameraStatus | None:
+        """How the camera is while it is wanted and gives no video."""
+
+    @property
+    def errors(self) -> tuple[str, ...]:
+        """Why camera, microphone, loudspeaker and display do not work."""
+
+    @property
+    def network(self) -> LabReport | None:
+        """What is put on the driver's picture and sound."""
+
+
+class WaysOut:
+    """Sends a message on all the ways that its topic travels on."""
+
+    def __init__(self, link: Link, media: Media) -> None:
+        self._link, self._media = link, media
+
+    def send(self, suffix: str, message: Any) -> None:
+        """Send a message of the robot."""
+        self._link.publish(suffix, codec.encode(message))
+        if suffix in topics.TO_PAGE:
+            self._media.telemetry(suffix, message)
+
+    def point(self, pointer: Pointer) -> None:
+        """Send where one side points to the other: to the server, which knows who that is, and to its pages that are connected."""
+        self._link.publish("pointer", codec.encode(pointer))
+        self._media.point(pointer)
+
+    def record(self, suffix: str, payload: bytes) -> None:
+        """Send what only the broker takes: a state said again, a photo."""
+        self._link.publish(suffix, payload)
+
+    def picture(self, payload: bytes, peer: str | None) -> None:
+        """Send a picture for the pages that WebRTC does not reach, or for the page of one peer."""
+        self._link.publish(picture.suffix_for(peer), payload)

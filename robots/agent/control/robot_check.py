@@ -1,0 +1,303 @@
+"""`run_robot NAME --check`: tries a robot with its wheels off the ground, and measures when its base stops by itself.
+
+It connects the adapter alone, without a site, and looks at what the robot reports; drives slowly for a moment; then says nothing any
+more, not even zero, as an agent that was killed or is stuck. How long the base goes on, by its own odometry, is its watchdog; the one
+that its profile states must not be shorter. Whatever happens, zeros are sent at the end.
+"""
+
+import asyncio
+import contextlib
+import signal
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import FrameType
+from typing import Any
+
+from robots.agent.adapters import registry
+from robots.agent.config import AgentConfig, ConfigError, load
+from robots.agent.devices.equipment import equipment_of
+from robots.agent.robot_interface import FROM_PAGE, Adapter, AdapterError, FromPage, RcaState, VideoSource
+from robots.agent.safety.ramp import LONGEST_WATCHDOG, ZERO
+from robots.api.messages import Velocity
+
+Say = Callable[[str], None]
+WARNING = (
+    "The robot will turn its wheels: {speed:g} m/s for {driving:g} s, then until it stops by itself. Lift it so that no wheel touches "
+    "the ground, and keep your hand at its emergency button."
+)
+
+
+@dataclass(frozen=True)
+class CheckParams:
+    """How a robot is tried."""
+
+    speed: float = 0.05  # m/s
+    period: float = 0.05  # s between two velocities
+    connecting: float = 30.0  # s
+    listening: float = 3.0  # s in which everything that the robot reports has to come once
+    picture: float = 10.0  # s to the first picture
+    driving: float = 1.5  # s
+    moving: float = 0.02  # m/s from which the base drives
+    standing: float = 0.01  # m/s below which it stands
+    stood: float = 0.4  # s of standing that are a stand
+    tolerance: float = 0.25  # s: braking, and the time between two readings
+    longest: float = LONGEST_WATCHDOG + 1.0  # s of silence after which nothing stops the base
+    stopping: float = 2.0  # s in which zeros are sent at the end, unless it stands before
+
+
+@dataclass(frozen=True)
+class Sample:
+    """The base's linear velocity in m/s, and when we heard of it, monotonic seconds."""
+
+    at: float
+    speed: float
+
+
+def stopped_after(samples: Sequence[Sample], silent_at: float, standing: float) -> float | None:
+    """Return how many seconds after `silent_at` the base stood for good, by the first reading that says so; None when it does not stand."""
+    stood_at: float | None = None
+    for sample in samples:
+        if abs(sample.speed) >= standing:
+            stood_at = None
+        elif stood_at is None:
+            stood_at = sample.at
+    return None if stood_at is None else max(0.0, stood_at - silent_at)
+
+
+def verdict(measured: float | None, stated: float, params: CheckParams) -> tuple[bool, str]:
+    """Return whether a base keeps its stated watchdog, and a sentence that says so; both times in seconds."""
+    if measured is None:
+        words = f"The base did not stop within {params.longest:g} s of the last velocity. Nothing stops it without its agent: do not drive it."
+        return False, words
+    took = f"The base stopped {measured:.2f} s after the last velocity, braking and the pace of its readings included"
+    if measured > stated + params.tolerance:
+        return False, f"{took}. The profile states a watchdog of {stated:g} s: state what is true."
+    return True, f"{took}: it keeps the watchdog of {stated:g} s that the profile states."
+
+
+def reported(states: Sequence[RcaState], capabilities: Sequence[str], seconds: float) -> list[tuple[bool, str]]:
+    """Return what a robot's readings say, line by line, each with whether that is as it should be."""
+    if not states:
+        return [(False, "Readings: none came.")]
+    last, has_scan = states[-1], any(state.scan is not None for state in states)
+    knows_place = last.pose.localized or last.odometry is not None
+    place = f"{last.pose.x:.2f}, {last.pose.y:.2f} m" if last.pose.localized else "unknown"
+    charge = "unknown" if last.battery.charge is None else f"{last.battery.charge:.0%}"
+    volts = "" if last.battery.voltage is None else f", {last.battery.voltage:.1f} V"
+    lines = [
+        (True, f"Readings: {len(states) / seconds:.0f} per second."),
+        (knows_place or "localization" not in capabilities, f"Pose: {place}; odometry: {'yes' if last.odometry is not None else 'none'}."),
+        (True, f"Battery: {charge}{volts}."),
+    ]
+    if "scan" in capabilities:
+        lines.append((has_scan, f"Laser: {'yes' if has_scan else 'no scan came'}."))
+    if last.estop:
+        lines.append((False, "The robot's emergency button is pressed."))
+    return [*lines, *((False, f"The robot reports: {error}") for error in last.errors)]
+
+
+class RobotCheck:
+    """One trial of a robot. `video` is the camera, `page` one that the robot's screen brings, None none."""
+
+    def __init__(self, adapter: Adapter, say: Say, *, video: VideoSource | FromPage | None = None, params: CheckParams | None = None) -> None:
+        self._adapter, self._say, self._video = adapter, say, video
+        self._params = params or CheckParams()
+        self._states: list[RcaState] = []
+        self._samples: list[Sample] = []
+        self._reading: asyncio.Task[None] | None = None
+
+    async def run(self) -> bool:
+        """Try the robot and return whether everything is as its profile says.
+
+        Raises:
+            AdapterError: it cannot be reached, or was lost; one sentence.
+        """
+        try:
+            await self._connect()
+            is_well = await self._listen()
+            is_well &= await self._look()
+            return await self._measure() and is_well
+        finally:
+            await self._leave()
+
+    async def _connect(self) -> None:
+        try:
+            async with asyncio.timeout(self._params.connecting):
+                await self._adapter.connect()
+        except TimeoutError as error:
+            raise AdapterError(f"no answer within {self._params.connecting:g} s") from error
+        self._reading = asyncio.ensure_future(self._read())
+
+    async def _read(self) -> None:
+        async for state in self._adapter.states():
+            self._states.append(state)
+            self._samples.append(Sample(_now(), state.velocity.linear))
+
+    async def _listen(self) -> bool:
+        await self._wait(self._params.listening)
+        lines = reported(self._states, self._adapter.profile.capabilities, self._params.listening)
+        for _, line in lines:
+            self._say(line)
+        return all(is_well for is_well, _ in lines)
+
+    async def _look(self) -> bool:
+        video = self._video
+        if video is None or video == FROM_PAGE:
+            self._say("Camera: none here." if video is None else "Camera: the page of the robot's screen has it.")
+            return True
+        try:
+            picture = await asyncio.to_thread(self._first_picture, video)
+        except AdapterError as error:
+            self._say(f"Camera: {error}")
+            return False
+        self._say(f"Camera: {picture or f'no picture came within {self._params.picture:g} s'}.")
+        return bool(picture)
+
+    def _first_picture(self, video: VideoSource) -> str:
+        video.start()
+        try:
+            deadline = time.monotonic() + self._params.picture
+            while time.monotonic() < deadline:
+                frame = video.read(0.5)
+                if frame is not None:
+                    return f"{frame.width} x {frame.height}"
+            return ""
+        finally:
+            video.stop()
+
+    async def _measure(self) -> bool:
+        """Drive, fall silent, and see when the base stops."""
+        params = self._params
+        # A robot in its dock would push against the contacts.
+        speed = -params.speed if self._states and self._states[-1].charger_contact else params.speed
+        silent_at = await self._drive(speed)
+        if not any(abs(sample.speed) > params.moving for sample in self._samples if sample.at <= silent_at):
+            self._say(f"By its readings the base did not move, though it was told {speed:g} m/s for {params.driving:g} s. Nothing is measured.")
+            return False
+        measured = await self._silence(silent_at)
+        is_well, line = verdict(measured, self._adapter.profile.watchdog, params)
+        self._say(line)
+        return is_well
+
+    async def _drive(self, speed: float) -> float:
+        """Send a velocity again and again and return when the last one was sent, monotonic seconds."""
+        self._samples.clear()
+        self._say(f"Driving {speed:g} m/s…")
+        ends = _now() + self._params.driving
+        while True:
+            self._adapter.apply(Velocity(linear=speed, angular=0.0))
+            sent_at = _now()
+            if sent_at >= ends:
+                self._say("Silence…")
+                return sent_at
+            await self._wait(self._params.period)
+
+    async def _silence(self, silent_at: float) -> float | None:
+        params = self._params
+        while _now() < silent_at + params.longest:
+            await self._wait(params.period)
+            heard = [sample for sample in self._samples if sample.at > silent_at]
+            measured = stopped_after(heard, silent_at, params.standing)
+            if measured is not None and heard[-1].at - silent_at - measured >= params.stood:
+                return measured
+        return None
+
+    async def _wait(self, seconds: float) -> None:
+        """Let time pass, as long as the robot reports.
+
+        Raises:
+            AdapterError: it was lost.
+        """
+        assert self._reading is not None
+        done, _ = await asyncio.wait({self._reading}, timeout=seconds)
+        if done:
+            self._reading.result()
+            raise AdapterError("the robot stopped reporting")
+
+    async def _leave(self) -> None:
+        """Brake, whatever happened, and let go."""
+        ends = _now() + self._params.stopping
+        with contextlib.suppress(AdapterError):
+            while self._reading is not None and _now() < ends:
+                self._adapter.apply(ZERO)
+                await asyncio.sleep(self._params.period)
+                recent = self._samples[-3:]
+                if recent and all(abs(sample.speed) < self._params.standing for sample in recent):
+                    break
+            if self._reading is not None:
+                self._adapter.apply(ZERO)
+        if self._reading is not None:
+            self._reading.cancel()
+            await asyncio.gather(self._reading, return_exceptions=True)
+        with contextlib.suppress(AdapterError, TimeoutError):
+            async with asyncio.timeout(self._params.stopping):
+                await self._adapter.close()
+
+
+def check_robot(arguments: Mapping[str, Any], say: Say, ask: Callable[[str], str] = input) -> bool:
+    """Try the robot that command line, environment and credentials file name, after somebody has said yes; return whether all is well.
+
+    Ends early, with zeros to the base, on Ctrl-C and on the system's wish; a second Ctrl-C does not wait.
+
+    Raises:
+        ConfigError: no such adapter, profile, option or device, or nobody said yes; one sentence.
+    """
+    config = load(arguments, checking=True)
+    params = CheckParams()
+    check = _prepared(config, say, params)
+    say(WARNING.format(speed=params.speed, driving=params.driving))
+    if not arguments.get("yes") and not _agreed(ask):
+        raise ConfigError("Nothing was moved: answer yes, or give --yes")
+    try:
+        is_well = asyncio.run(_until_signalled(check))
+    except asyncio.CancelledError:
+        raise ConfigError("Stopped at your request") from None
+    except AdapterError as error:
+        say(f"The robot cannot be tried: {error}")
+        return False
+    say("All is well." if is_well else "Not all is well.")
+    return is_well
+
+
+def _agreed(ask: Callable[[str], str]) -> bool:
+    try:
+        return ask("Are its wheels off the ground? [yes/no] ").strip().lower() in {"yes", "y"}
+    except (EOFError, KeyboardInterrupt):
+        return False
+
+
+def _prepared(config: AgentConfig, say: Say, params: CheckParams) -> RobotCheck:
+    try:
+        adapter = registry.create(config.adapter, config.profile, config.options)
+        video: VideoSource | FromPage | None = equipment_of(adapter, config).video
+    except AdapterError as error:
+        raise ConfigError(str(error)) from error
+    return RobotCheck(adapter, say, video=video, params=params)
+
+
+async def _until_signalled(check: RobotCheck) -> bool:
+    """Run a check; the first signal cancels it, so that it brakes, and the next one ends the process."""
+    loop, work = asyncio.get_running_loop(), asyncio.current_task()
+    assert work is not None
+
+    def end(number: int, _frame: FrameType | None) -> None:
+        signal.signal(number, signal.default_int_handler)
+        loop.call_soon_threadsafe(work.cancel)
+
+    for name in ("SIGINT", "SIGTERM", "SIGBREAK"):  # by name: ignored ones, too, as behind nohup and in a shell's background
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), end)
+    return await check.run()
+
+
+def say_line(line: str) -> None:
+    """Print a line at once."""
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
+
+
+def _now() -> float:
+    """Return the running loop's time, monotonic seconds."""
+    return asyncio.get_running_loop().time()

@@ -1,0 +1,261 @@
+"""The way to the robot control architecture: reached again for ever, watched for silence, and checked for sense.
+
+Whatever an adapter raises, and whatever it returns that is no velocity and no reading, is that adapter's fault: named, braked for as far
+as the base can still be told, and tried again. The control loop goes on.
+"""
+
+import asyncio
+import contextlib
+import logging
+import math
+import random
+from collections.abc import AsyncIterator, Callable, Iterator
+from typing import Any, Protocol, TypeVar
+
+from robots.agent.backoff import Backoff
+from robots.agent.control.state_validation import UnsoundReadingError, sound
+from robots.agent.robot_interface import ActionProgress, Adapter, AdapterError, Navigating, RcaState
+from robots.api.floorplan import Dock as Station
+from robots.api.messages import Action, Config, FloorPlanUpdate, Velocity
+from robots.cancellation import cancel
+from robots.world.sensing import Floats
+
+log = logging.getLogger(__name__)
+Told = TypeVar("Told")
+
+CONNECT_TIME = 30.0
+FIRST_READING = 10.0  # from the connection to the first reading: an architecture may need seconds, and nobody drives before
+SILENCE = 2.0  # from one reading to the next
+START_TIME = 10.0
+CLOSE_TIME = 5.0
+
+
+class Listener(Protocol):
+    """Who hears of the RCA. Called on the control loop."""
+
+    def reading(self, reading: RcaState) -> None:
+        """Take a sound reading."""
+
+    def progressed(self, progress: ActionProgress) -> None:
+        """Take news of an action."""
+
+    def adapter_changed(self, *, up: bool, reason: str = "") -> None:
+        """The RCA reports sound readings, or was lost."""
+
+
+class AdapterLink:
+    """One adapter, connected for as long as `run` runs."""
+
+    def __init__(self, adapter: Adapter, *, rng: random.Random) -> None:
+        self.adapter = adapter
+        self.up = False
+        self._navigation = adapter if isinstance(adapter, Navigating) else None
+        self._backoff = Backoff(rng, first=0.5)
+        self._failure: asyncio.Future[None] | None = None
+        self._cancelling: set[asyncio.Task[Any]] = set()
+
+    async def run(self, listener: Listener) -> None:
+        """Connect, listen, and begin again when the RCA is lost."""
+        while True:
+            try:
+                async with asyncio.timeout(CONNECT_TIME):
+                    with its_fault():
+                        await self.adapter.connect()
+                await self._listen(listener)
+                reason = "it stopped reporting"
+            except TimeoutError:
+                reason = f"no answer within {CONNECT_TIME:.0f} s"
+            except AdapterError as error:
+                reason = str(error)
+            was_up, self.up = self.up, False
+            log.warning("adapter_lost reason=%r", reason)
+            listener.adapter_changed(up=False, reason=reason)
+            await asyncio.sleep(self._backoff.failed(self._backoff.settled if was_up else 0.0))
+
+    def apply(self, velocity: Velocity) -> Velocity | None:
+        """Send a velocity to the base and return what was really sent; None when the RCA is gone, which `run` then reports."""
+        if not self.up:
+            return None
+        try:
+            with its_fault():
+                return checked_velocity(self.adapter.apply(velocity))
+        except AdapterError as error:
+            self._fail(error)
+            return None
+
+    def wanted(self) -> Velocity | None:
+        """Return what the agent's own navigation wants now; None when there is none, or nothing runs."""
+        return self._navigation.wanted() if self.up and self._navigation else None
+
+    def located(self, reading: RcaState, points: Floats) -> RcaState:
+        """Return a reading with what the agent's own navigation makes of it, and of the points (n, 2) that stand about the robot."""
+        if self._navigation is None:
+            return reading
+        try:
+            with its_fault():
+                return sound(self._navigation.located(reading, points))
+        except (AdapterError, UnsoundReadingError) as error:
+            self._fail(AdapterError(str(error)))
+            return reading
+
+    @property
+    def dock(self) -> Station | None:
+        """The dock that the agent's own navigation takes for this robot's, on its map."""
+        return self._navigation.dock if self._navigation else None
+
+    def take_floorplan(self, update: FloorPlanUpdate) -> None:
+        """Give the server's map to an adapter that can use it."""
+        if self._navigation:
+            self._tell(self._navigation.take_floorplan, update)
+
+    def configure(self, config: Config) -> None:
+        """Tell the adapter what the server has configured."""
+        if self.up:
+            self._tell(self.adapter.configure, config)
+
+    async def start(self, action: Action) -> None:
+        """Begin an action, after what is being cancelled is gone: not every RCA can tell the two apart.
+
+        Raises:
+            AdapterError: not possible, or no answer.
+        """
+        if not self.up:
+            raise AdapterError("the robot control architecture is not reached")
+        try:
+            async with asyncio.timeout(START_TIME):
+                while self._cancelling:  # how these end is told to whoever wanted them cancelled
+                    await asyncio.wait(self._cancelling)
+                with its_fault():
+                    await self.adapter.start(action)
+        except TimeoutError as error:
+            raise AdapterError("no answer") from error
+
+    async def cancel(self, action_id: str) -> None:
+        """Cancel an action, as far as the RCA is there to hear it.
+
+        Raises:
+            AdapterError: it could not be cancelled.
+        """
+        if not self.up:
+            return
+        cancelling = asyncio.ensure_future(self._cancel(action_id))
+        self._cancelling.add(cancelling)
+        cancelling.add_done_callback(self._cancelling.discard)
+        await cancelling
+
+    async def close(self) -> None:
+        """Leave the robot standing and let go of it."""
+        self.up = False
+        with contextlib.suppress(AdapterError, TimeoutError):
+            async with asyncio.timeout(CLOSE_TIME):
+                with its_fault():
+                    await self.adapter.close()
+
+    # --- inside ------------------------------------------------------------------------------------------------------
+
+    async def _listen(self, listener: Listener) -> None:
+        """Hand on readings and progress until one of them ends or the base refuses a velocity.
+
+        Raises:
+            AdapterError: why it ended.
+        """
+        self._failure = asyncio.get_running_loop().create_future()
+        tasks = {asyncio.ensure_future(self._states(listener)), asyncio.ensure_future(self._progress(listener)), self._failure}
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for task in done:
+                task.result()
+        finally:
+            await cancel(*tasks)
+
+    async def _cancel(self, action_id: str) -> None:
+        try:
+            async with asyncio.timeout(START_TIME):
+                with its_fault():
+                    await self.adapter.cancel(action_id)
+        except TimeoutError as error:
+            raise AdapterError(f"an action could not be cancelled: no answer within {START_TIME:.0f} s") from error
+        except AdapterError as error:
+            raise AdapterError(f"an action could not be cancelled: {error}") from error
+
+    async def _states(self, listener: Listener) -> None:
+        states = told_by(self.adapter.states)
+        silent = asyncio.timeout(FIRST_READING)
+        complaint = "it is silent"
+        now = asyncio.get_running_loop().time
+        try:
+            async with silent:
+                async for reading in states:
+                    try:
+                        checked = sound(reading)
+                    except UnsoundReadingError as error:
+                        # Only a sound reading postpones the time-out: nonsense is no better than silence.
+                        complaint = f"it reports nonsense: {error}"
+                        silent.reschedule(min(silent.when() or now(), now() + SILENCE))
+                        continue
+                    silent.reschedule(now() + SILENCE)
+                    self._came_up(listener)
+                    with its_fault():  # what nobody could make anything of
+                        listener.reading(checked)
+        except TimeoutError as error:
+            raise AdapterError(complaint) from error
+
+    def _came_up(self, listener: Listener) -> None:
+        if not self.up:
+            self.up = True
+            log.info("adapter_connected series=%r", self.adapter.profile.series)
+            listener.adapter_changed(up=True)
+
+    async def _progress(self, listener: Listener) -> None:
+        async for progress in told_by(self.adapter.progress):
+            listener.progressed(progress)
+        await asyncio.Future()  # an adapter without actions has no more to say, and is not lost for that
+
+    def _tell(self, call: Callable[[Told], None], told: Told) -> None:
+        try:
+            with its_fault():
+                call(told)
+        except AdapterError as error:
+            self._fail(error)
+
+    def _fail(self, error: AdapterError) -> None:
+        if self._failure is not None and not self._failure.done():
+            self._failure.set_exception(error)
+
+
+@contextlib.contextmanager
+def its_fault() -> Iterator[None]:
+    """Turn whatever an adapter raises into an AdapterError; a time-out of ours comes as a cancellation, which passes.
+
+    Raises:
+        AdapterError: the adapter's own, or one that names what it raised.
+    """
+    try:
+        yield
+    except AdapterError:
+        raise
+    except Exception as error:
+        log.exception("adapter_raised")
+        raise AdapterError(f"{type(error).__name__}: {error}") from error
+
+
+async def told_by(source: Callable[[], AsyncIterator[Told]]) -> AsyncIterator[Told]:
+    """Yield what an adapter yields.
+
+    Raises:
+        AdapterError: the adapter's own, or one that names what it raised.
+    """
+    with its_fault():
+        async for each in source():
+            yield each
+
+
+def checked_velocity(sent: object) -> Velocity:
+    """Return what an adapter says it has sent.
+
+    Raises:
+        AdapterError: it is no velocity.
+    """
+    if not isinstance(sent, Velocity) or not (math.isfinite(sent.linear) and math.isfinite(sent.angular)):
+        raise AdapterError(f"it says that it has sent {sent!r}, which is no velocity")
+    return sent

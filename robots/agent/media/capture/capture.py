@@ -1,0 +1,164 @@
+"""A camera or a microphone in a thread of its own: running while somebody wants it, tried again when it fails.
+
+Reading blocks and encoding takes milliseconds, so neither may happen on an event loop. A source that is gone leaves its viewers
+connected: they see the last picture and a reason, and the picture goes on when the source is back.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import av
+
+from robots.agent.robot_interface import AdapterError
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class CaptureLimits:
+    """Times in seconds."""
+
+    opening: float = 25.0  # from its start to the first that is read: more than devices/reader.py takes, which knows better what is wrong
+    stall: float = 2.0  # between two that are read
+    linger: float = 1.0  # it runs on after the last viewer, so that a page that reconnects does not restart it
+    read: float = 0.5
+    first_retry: float = 0.25
+    last_retry: float = 5.0
+
+
+LIMITS = CaptureLimits()
+
+# What a source or an encoder may raise: the adapter's own word, the operating system's, a frame of the wrong shape, FFmpeg's.
+FAILURES = (AdapterError, OSError, ValueError, av.FFmpegError)
+
+
+class Source(Protocol):
+    """What a camera and a microphone have in common."""
+
+    def start(self) -> None:
+        """Begin to capture."""
+
+    def stop(self) -> None:
+        """Stop capturing."""
+
+
+@dataclass(frozen=True)
+class CaptureState:
+    """How a source is: `idle` (nobody wants it), `starting`, `live`, or `failed`.
+
+    `reason` is why it failed, and why it did the last time while it starts again.
+    """
+
+    status: Literal["idle", "starting", "live", "failed"]
+    reason: str = ""
+
+
+class Capture:
+    """Runs a source while it is wanted.
+
+    Args:
+        name: for the log and the thread.
+        source: the camera or microphone.
+        begin: called before each start, to open a fresh encoder.
+        step: reads once, at most the given seconds, and uses what it read; False when there was nothing.
+        limits: how long it may take.
+
+    `begin` and `step` run in the capture's own thread and may raise any of FAILURES.
+    """
+
+    def __init__(self, name: str, source: Source, begin: Callable[[], None], step: Callable[[float], bool], limits: CaptureLimits = LIMITS) -> None:
+        self._name = name
+        self._limits = limits
+        self._source = source
+        self._begin = begin
+        self._step = step
+        self._changed = threading.Condition()
+        self._wanted = 0
+        self._unwanted_since = float("-inf")
+        self._closing = False
+        self._state = CaptureState("idle")
+        self._thread: threading.Thread | None = None
+
+    @property
+    def state(self) -> CaptureState:
+        """Return how the source is."""
+        return self._state
+
+    def start(self) -> None:
+        """Start the thread, or start it anew when it died of something that nobody foresaw."""
+        if self._closing or (self._thread is not None and self._thread.is_alive()):
+            return
+        if self._thread is not None:
+            log.error("capture_thread_died source=%s", self._name)
+        self._thread = threading.Thread(target=self._run, name=f"capture-{self._name}", daemon=True)
+        self._thread.start()
+
+    def close(self, timeout: float = 3.0) -> None:
+        """Stop the source and the thread; waits at most `timeout` seconds."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        if self._thread is not None:
+            self._thread.join(timeout)
+
+    def want(self, number: int) -> None:
+        """Say that `number` more (or fewer, when negative) want the source."""
+        with self._changed:
+            self._wanted += number
+            if self._wanted == 0:
+                self._unwanted_since = time.monotonic()
+            self._changed.notify_all()
+
+    def _run(self) -> None:
+        limits = self._limits
+        delay = limits.first_retry
+        while self._wait_until_wanted():
+            try:
+                self._set_state("starting", self._state.reason)
+                self._begin()
+                self._source.start()
+                self._read_while_wanted()
+                delay = limits.first_retry
+                self._set_state("idle")
+            except FAILURES as error:
+                delay = limits.first_retry if self._state.status == "live" else min(delay * 2, limits.last_retry)
+                self._set_state("failed", str(error) or type(error).__name__)
+            finally:
+                self._stop_source()
+            if self._state.status == "failed":
+                self._pause(delay)
+
+    def _read_while_wanted(self) -> None:
+        limits = self._limits
+        heard, patience = time.monotonic(), limits.opening
+        while not self._closing and (self._wanted > 0 or time.monotonic() - self._unwanted_since < limits.linger):
+            if self._step(limits.read):
+                heard, patience = time.monotonic(), limits.stall
+                self._set_state("live")
+            elif time.monotonic() - heard > patience:
+                raise AdapterError(f"the {self._name} gave nothing for {patience:g} s")
+
+    def _stop_source(self) -> None:
+        try:
+            self._source.stop()
+        except FAILURES as error:
+            log.warning("capture_stop_failed source=%s reason=%s", self._name, error)
+
+    def _wait_until_wanted(self) -> bool:
+        with self._changed:
+            self._changed.wait_for(lambda: self._closing or self._wanted > 0)
+            return not self._closing
+
+    def _pause(self, seconds: float) -> None:
+        with self._changed:
+            self._changed.wait_for(lambda: self._closing, timeout=seconds)
+
+    def _set_state(self, status: Literal["idle", "starting", "live", "failed"], reason: str = "") -> None:
+        state = CaptureState(status, reason)
+        if state != self._state:
+            log.info("capture_state source=%s status=%s reason=%s", self._name, status, reason)
+            self._state = state

@@ -1,0 +1,194 @@
+"""The robot's own loudspeaker and display: what the visitor sends, decoded in a thread of its own.
+
+Decoding takes milliseconds, and a loudspeaker may block: neither belongs on an event loop. What cannot be played in time is dropped, the
+rest of its pictures with it until the next key frame: late words are worthless, and a picture with holes is rubbish. A device that fails is
+let go of, and tried again while something comes for it, after a pause that grows.
+"""
+
+import logging
+import queue
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import av
+import numpy as np
+
+from robots.agent.media.webrtc.rtp import AUDIO_RATE
+from robots.agent.robot_interface import AdapterError, Display, Speaker
+
+log = logging.getLogger(__name__)
+
+DEPTH = 25  # sounds and pictures that wait: half a second of sound
+IDLE = 2.0  # s without anything after which loudspeaker and display rest
+CLOSE_TIMEOUT = 3.0  # s
+FIRST_RETRY, LAST_RETRY = 0.5, 5.0  # s
+STEADY = 1.0  # s after which a device that was opened works: some say only later that they cannot
+FAILURES = (AdapterError, av.FFmpegError, OSError, ValueError)
+
+
+class OutputFeed:
+    """Plays sounds and shows pictures while they come. `hear` and `see` return at once; one thread of the caller's.
+
+    Args:
+        speaker: where sound goes, or None.
+        display: where pictures go, or None.
+    """
+
+    def __init__(self, speaker: Speaker | None, display: Display | None) -> None:
+        self.volume = 1.0
+        self._speaker, self._display = speaker, display
+        self._waiting: queue.Queue[tuple[str, bytes] | None] = queue.Queue(DEPTH)
+        self._whole = False  # the pictures in the queue begin with a key frame and have no hole
+        self._thread = threading.Thread(target=self._run, name="outputs", daemon=True)
+        self._players: dict[str, _Player] = {}
+        self.dropped = 0
+
+    @property
+    def errors(self) -> tuple[str, ...]:
+        """Return why loudspeaker and display did not work when they were last used, a sentence for each that did not."""
+        return tuple(player.failure for player in tuple(self._players.values()) if player.failure)
+
+    def start(self) -> None:
+        """Start the thread; loudspeaker and display start with the first thing for them."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread, after what waits; waits at most some seconds."""
+        if self._thread.is_alive():
+            try:
+                self._waiting.put(None, timeout=CLOSE_TIMEOUT)
+            except queue.Full:
+                return  # a loudspeaker that blocks for ever: the thread is a daemon
+            self._thread.join(CLOSE_TIMEOUT)
+
+    def hear(self, opus: bytes) -> None:
+        """Play 20 ms of Opus."""
+        if self._speaker is not None:
+            self._put(("audio", opus))
+
+    def see(self, vp8: bytes, *, key: bool) -> bool:
+        """Show a VP8 picture; False when it cannot be shown and the next one must be a key frame."""
+        if self._display is None:
+            return True
+        self._whole = (self._whole or key) and self._put(("video", vp8))
+        return self._whole
+
+    def _put(self, what: tuple[str, bytes]) -> bool:
+        try:
+            self._waiting.put_nowait(what)
+        except queue.Full:
+            self.dropped += 1
+            return False
+        return True
+
+    # --- the thread --------------------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        while True:
+            try:
+                what = self._waiting.get(timeout=IDLE)
+            except queue.Empty:
+                self._rest()
+                continue
+            if what is None:
+                self._rest()
+                return
+            kind, data = what
+            if kind not in self._players:
+                self._players[kind] = self._player(kind)
+            self._players[kind].play(data)
+
+    def _rest(self) -> None:
+        for player in self._players.values():
+            player.rest()
+
+    def _player(self, kind: str) -> "_Player":
+        if kind == "audio":
+            assert self._speaker is not None
+            return _Player("libopus", self._speaker, self._play)
+        assert self._display is not None
+        return _Player("vp8", self._display, self._show)
+
+    def _play(self, frame: av.AudioFrame) -> None:
+        assert self._speaker is not None
+        samples = _mono(frame)
+        self._speaker.play((samples * self.volume).astype(np.int16))
+
+    def _show(self, frame: av.VideoFrame) -> None:
+        assert self._display is not None
+        image = frame.to_ndarray(format="rgb24").astype(np.uint8, copy=False)
+        self._display.show(image)
+
+
+class _Player:
+    """A decoder and the device behind it, started for the first thing that comes. Nothing that they raise leaves it."""
+
+    def __init__(self, codec: str, device: Speaker | Display, give: Callable[[Any], None]) -> None:
+        self._decoder = _decoder(codec)
+        self._device, self._give, self._running = device, give, False
+        self._since = float("-inf")
+        self._retry_at = float("-inf")
+        self._pause = FIRST_RETRY
+        self.failure = ""
+
+    def play(self, data: bytes) -> None:
+        try:
+            # Decoded also while the device pauses: what comes after builds on it.
+            frames = self._decoder.decode(av.Packet(data))
+        except FAILURES as error:
+            log.warning("visitor_output_undecodable codec=%s reason=%s", self._decoder.name, error)
+            return
+        if time.monotonic() < self._retry_at:
+            return
+        try:
+            self._start()
+            for frame in frames:
+                self._give(frame)
+        except FAILURES as error:
+            self._failed(str(error) or type(error).__name__)
+        else:
+            self._works()
+
+    def rest(self) -> None:
+        if self._running:
+            self._running = False
+            try:
+                self._device.stop()
+            except FAILURES as error:
+                log.warning("visitor_output_stop_failed codec=%s reason=%s", self._decoder.name, error)
+
+    def _start(self) -> None:
+        if not self._running:
+            self._device.start()
+            self._running = True
+            self._since = time.monotonic()
+
+    def _works(self) -> None:
+        if self.failure and time.monotonic() - self._since > STEADY:
+            self.failure = ""
+            self._pause = FIRST_RETRY
+
+    def _failed(self, reason: str) -> None:
+        log.warning("visitor_output_failed codec=%s reason=%s retry=%.1f", self._decoder.name, reason, self._pause)
+        self.failure = reason
+        self._retry_at = time.monotonic() + self._pause
+        self._pause = min(self._pause * 2, LAST_RETRY)
+        self.rest()
+
+
+def _decoder(codec: str) -> Any:
+    decoder: Any = av.CodecContext.create(codec, "r")
+    if codec == "libopus":
+        decoder.sample_rate, decoder.layout = AUDIO_RATE, "mono"
+    return decoder
+
+
+def _mono(frame: av.AudioFrame) -> Any:
+    """Return the samples of a frame as (n,) of 16-bit full scale, the channels mixed."""
+    samples = frame.to_ndarray().astype(np.float64)
+    if frame.format.name.startswith("flt"):
+        samples = samples * 32767.0
+    channels = len(frame.layout.channels)
+    return np.clip(samples.mean(axis=0) if frame.format.is_planar else samples.reshape(-1, channels).mean(axis=1), -32768, 32767)

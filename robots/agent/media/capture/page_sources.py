@@ -1,0 +1,156 @@
+"""Picture and sound that the page of the robot's own screen gives, in the place of a camera and a microphone of the agent's.
+
+The robot's computer then runs a browser anyway, and the browser knows its camera. What arrives is encoded, and leaves as it came: nothing
+is encoded again, and there is one quality. When a picture was taken is not told; its time is that of the fastest picture's arrival.
+"""
+
+import threading
+import time
+from collections.abc import Callable
+
+import av
+from av.video.reformatter import VideoReformatter
+
+from robots.agent.devices.camera import picture_of
+from robots.agent.media.capture.capture import LIMITS, CaptureState
+from robots.agent.media.codecs.encoder import Picture
+from robots.agent.media.peers.key_frames import KeyFrames, Reason
+from robots.agent.media.peers.visitor import ROUND, STEP, Continuous
+from robots.agent.media.webrtc.rtp import VIDEO_RATE, vp8_payloads
+from robots.agent.robot_interface import Frame
+
+SNAPSHOT_TIMEOUT, SNAPSHOT_ASKS = 3.0, 6  # s, and how often a whole picture is asked for in that time
+DRIFT = 0.001  # by which two clocks may differ; the fastest picture of long ago is forgotten as fast
+MISSING_VIDEO, MISSING_SOUND = "no page of the robot's screen gives video", "no page of the robot's screen gives sound"
+OPENING = 5.0  # s in which the page of the robot's screen begins to give what somebody wants
+
+
+class PageCamera:
+    """Takes the place of camera.CameraFeed. On the media loop, but for `snapshot` and `state`.
+
+    Args:
+        ask: asks the page for a whole picture; from any thread.
+        deliver: called with each picture.
+    """
+
+    rates = (0,)
+
+    def __init__(self, ask: Callable[[], None], deliver: Callable[[Picture], None]) -> None:
+        self._ask, self._deliver = ask, deliver
+        self._keys = KeyFrames()
+        self._clock = Continuous(STEP["video"])
+        self._ahead: tuple[float, float] | None = None  # when, and the Unix time of the clock's tick 0, by the fastest picture
+        self._source = ""
+        self._viewers = 0
+        self._heard_at = float("-inf")
+        self._wanted_since = float("-inf")
+        self._whole: bytes | None = None
+        self._whole_came = threading.Condition()
+
+    @property
+    def state(self) -> CaptureState:
+        """Return how it is."""
+        return _state(self._heard_at, self._wanted_since if self._viewers > 0 else None, MISSING_VIDEO)
+
+    def start(self) -> None:
+        """Nothing to begin: the page gives what it gives."""
+
+    def close(self) -> None:
+        """Nothing to end."""
+
+    def watch(self, number: int, rung: int = 0) -> None:  # noqa: ARG002 -- there is one
+        """Note that `number` more watch, fewer when negative."""
+        if self._viewers == 0:
+            self._wanted_since = time.monotonic()
+        self._viewers += number
+
+    def ask_key_frame(self, reason: Reason, rung: int = 0) -> None:  # noqa: ARG002 -- as above
+        """Ask the page for a key frame, not too often."""
+        self._keys.ask(reason)
+        now = time.monotonic()
+        if self._keys.is_due(now):
+            self._keys.made(now)
+            self._ask()
+
+    def take(self, source: str, data: bytes, ticks: int) -> None:
+        """Take an encoded picture of a connection; `ticks` are its own."""
+        key = bool(data) and data[0] & 1 == 0  # RFC 6386, section 9.1
+        if not data or (source != self._source and not key):
+            self.ask_key_frame("lost")
+            return
+        self._source, self._heard_at = source, time.monotonic()
+        at = self._clock.tick(source, ticks)
+        if key:
+            with self._whole_came:
+                self._whole = data
+                self._whole_came.notify_all()
+        self._deliver(Picture(vp8_payloads(data), key, at % ROUND, self._stamp(at / VIDEO_RATE)))
+
+    def snapshot(self) -> Frame | None:
+        """Return the next whole picture; None when none came in 3 s. Blocks meanwhile."""
+        with self._whole_came:
+            self._whole = None
+            for _ in range(SNAPSHOT_ASKS):
+                self._ask()  # again and again: a browser that has just made a whole picture passes over who asks for another
+                if self._whole_came.wait_for(lambda: self._whole is not None, timeout=SNAPSHOT_TIMEOUT / SNAPSHOT_ASKS):
+                    break
+            else:
+                return None
+            data, stamp = self._whole, time.time()
+        frames: list[av.VideoFrame] = av.CodecContext.create("libvpx", "r").decode(av.Packet(data))
+        return Frame(picture_of(frames[0], VideoReformatter()), stamp, "yuv420p") if frames else None
+
+    def _stamp(self, seconds: float) -> float:
+        now = time.time()
+        ahead = now - seconds
+        if self._ahead is not None and 0.0 <= ahead - self._ahead[1] < LIMITS.stall:
+            ahead = min(ahead, self._ahead[1] + DRIFT * max(0.0, now - self._ahead[0]))
+        self._ahead = now, ahead
+        return ahead + seconds
+
+
+class PageMicrophone:
+    """Takes the place of microphone.MicrophoneFeed.
+
+    Args:
+        deliver: called with (payload, RTP ticks) of every 20 ms.
+    """
+
+    def __init__(self, deliver: Callable[[bytes, int], None]) -> None:
+        self._deliver = deliver
+        self._clock = Continuous(STEP["audio"])
+        self._listeners = 0
+        self._heard_at = float("-inf")
+        self._wanted_since = float("-inf")
+
+    @property
+    def state(self) -> CaptureState:
+        """Return how it is."""
+        return _state(self._heard_at, self._wanted_since if self._listeners > 0 else None, MISSING_SOUND)
+
+    def start(self) -> None:
+        """Nothing to begin: the page gives what it gives."""
+
+    def close(self) -> None:
+        """Nothing to end."""
+
+    def listen(self, number: int) -> None:
+        """Note that `number` more listen, fewer when negative."""
+        if self._listeners == 0:
+            self._wanted_since = time.monotonic()
+        self._listeners += number
+
+    def take(self, source: str, data: bytes, ticks: int) -> None:
+        """Take an encoded sound of a connection; `ticks` are its own."""
+        self._heard_at = time.monotonic()
+        self._deliver(data, self._clock.tick(source, ticks))
+
+
+def _state(heard_at: float, wanted_since: float | None, missing: str) -> CaptureState:
+    """Return how it is: something was heard at `heard_at`, somebody wants it since `wanted_since` or nobody does; monotonic seconds."""
+    now = time.monotonic()
+    if now - heard_at < LIMITS.stall:
+        return CaptureState("live")
+    if wanted_since is None:
+        return CaptureState("idle")
+    return CaptureState("starting") if now - wanted_since < OPENING else CaptureState("failed", missing)

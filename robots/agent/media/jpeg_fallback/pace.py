@@ -1,0 +1,135 @@
+"""When the next picture goes through the server, and how large it may be: decisions only. `now` is monotonic time in seconds.
+
+A page that no WebRTC path reaches asks for each picture, and asks again when it has it: a request is an acknowledgement too. So one
+picture is on its way at most, whatever the network between does, and none is queued. A picture goes out once for everybody who waits;
+the driver sets the pace while there is one who asks, and nobody's slow network costs the driver anything.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from robots.agent.media.codecs.encoder import Tier
+
+FPS = 10
+PRESENT = 3.0  # s after its last request that a page still counts as watching
+MOST_PAGES = 64
+SLOW, FAST = 0.25, 0.08  # s that the size of a picture may cost, and what leaves room for a larger one
+PATIENCE, MOST_PATIENCE = 10, 320  # pictures in a row that must have been fast before a larger one is tried
+MOST_ROUND_TRIP = 2.0
+RETRY = 1.0  # s after a camera gave nothing
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A step of quality: the size that a picture is fitted into, and JPEG's quantizer (2 is the best, 31 the smallest)."""
+
+    tier: Tier
+    quantizer: int
+
+
+def _rung(width: int, height: int, quantizer: int) -> Rung:
+    return Rung(Tier(width, height, FPS, 0), quantizer)
+
+
+# About 16, 10, 6.5, 4.5, 3.2 and 2 kB for a furnished room.
+LADDER = (_rung(480, 360, 4), _rung(480, 360, 10), _rung(320, 240, 7), _rung(320, 240, 14), _rung(240, 180, 14), _rung(160, 120, 14))
+FIRST = 2
+
+
+class Quality:
+    """The rung of the ladder, by how long pictures take."""
+
+    def __init__(self) -> None:
+        self.rung = FIRST
+        self._fast = 0
+        self._patience = PATIENCE
+        self._tried = False  # the last step was up
+
+    def took(self, seconds: float) -> None:
+        """Hear how long a picture took longer than a small message."""
+        if seconds > SLOW:
+            self.too_large()
+        elif seconds < FAST:
+            self._fast += 1
+            if self._fast >= self._patience and self.rung > 0:
+                self.rung, self._fast, self._tried = self.rung - 1, 0, True
+        else:
+            self._fast = 0
+
+    def too_large(self) -> None:
+        """Step down; a step up that came to nothing is tried again less and less often."""
+        self._patience = min(MOST_PATIENCE, 2 * self._patience) if self._tried else PATIENCE
+        self.rung, self._fast, self._tried = min(len(LADDER) - 1, self.rung + 1), 0, False
+
+
+class Pace:
+    """Who asks, what is on its way, and what goes next.
+
+    Args:
+        is_driver: tells whether a peer drives at this moment.
+    """
+
+    def __init__(self, is_driver: Callable[[str], bool]) -> None:
+        self.quality = Quality()
+        self.delay = 0.0  # s that the driver's pictures are held on purpose
+        self._is_driver = is_driver
+        self._asked: dict[str, float] = {}
+        self._waiting: set[str] = set()
+        self._stamp: float | None = None
+        self._sent = float("-inf")
+        self._not_before = float("-inf")
+
+    def ask(self, peer: str, seen: float | None, round_trip: float | None, now: float) -> None:
+        """Take a request."""
+        if peer not in self._asked and len(self._asked) >= MOST_PAGES:
+            return
+        self._asked[peer] = now
+        self._waiting.add(peer)
+        if self._stamp is not None and self._leads(peer, now):
+            self._acknowledge(seen, round_trip, now)
+
+    def wait(self, now: float) -> float | None:
+        """Return the seconds until a picture is due, 0 when it is now; None when only a request can change that."""
+        driver = self._driver(now)
+        if not (self._waiting if driver is None else driver in self._waiting):
+            return None if driver is None or not self._waiting else max(0.0, self._asked[driver] + PRESENT - now)
+        return max(0.0, self._not_before - now)
+
+    def rung(self) -> Rung:
+        """Return how large the next picture is to be."""
+        return LADDER[self.quality.rung]
+
+    def sent(self, stamp: float, now: float) -> frozenset[str]:
+        """Note that the picture of this capture stamp has gone out to everybody who waited, and return them."""
+        waited = frozenset(self._waiting)
+        self._waiting.clear()
+        self._stamp, self._sent, self._not_before = stamp, now, now + 1.0 / FPS
+        return waited
+
+    def failed(self, now: float) -> None:
+        """Note that there is no picture to send."""
+        self._not_before = now + RETRY
+
+    def watching(self, now: float) -> frozenset[str]:
+        """Return who has asked within the last seconds, and forget everybody else."""
+        for peer in [peer for peer, asked in self._asked.items() if now - asked >= PRESENT]:
+            del self._asked[peer]
+            self._waiting.discard(peer)
+        return frozenset(self._asked)
+
+    def _driver(self, now: float) -> str | None:
+        return next((peer for peer in self.watching(now) if self._is_driver(peer)), None)
+
+    def _leads(self, peer: str, now: float) -> bool:
+        return self._driver(now) in {peer, None}
+
+    def _acknowledge(self, seen: float | None, round_trip: float | None, now: float) -> None:
+        elapsed = now - self._sent - self.delay
+        if seen == self._stamp:
+            self._stamp = None
+            if round_trip is not None:
+                self.quality.took(elapsed - min(round_trip, MOST_ROUND_TRIP))
+        elif elapsed > PRESENT / 3:
+            # It asks again without having seen the last one: lost, or too large to have come through by now.
+            self._stamp = None
+            self.quality.too_large()

@@ -1,0 +1,108 @@
+"""Pictures through the server, as JPEG, for pages that no WebRTC path reaches: a thread that sleeps while nobody asks.
+
+See slow_pace.py for when and how large. The camera runs while somebody asks, as it does for viewers, and encoding has a thread of its
+own: it must delay neither commands nor the pictures of those whom WebRTC reaches.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+
+from robots.agent.media.capture.capture import FAILURES
+from robots.agent.media.codecs.encoder import fitted
+from robots.agent.media.jpeg_fallback.pace import Pace, Rung
+from robots.agent.media.photos import reduced
+from robots.agent.robot_interface import Frame
+from robots.agent.thread_priority import ORDINARY, set_nice
+from robots.api import picture, topics
+from robots.api.messages import PictureRequest
+
+log = logging.getLogger(__name__)
+
+LIMIT = next(topic.limit for topic in topics.TABLE if topic.suffix == picture.SUFFIX)
+CLOSE_TIMEOUT = 4.0  # s
+
+
+class SlowPictures:
+    """Sends a picture when one was asked for. All methods may be called from any thread.
+
+    Args:
+        snapshot: returns a fresh frame of the camera, or None after a while; blocks.
+        send: called in the pictures' thread with each picture as it goes on the wire, and the peers who wait for it.
+        is_driver: tells whether a peer drives at this moment.
+    """
+
+    def __init__(self, snapshot: Callable[[], Frame | None], send: Callable[[bytes, frozenset[str]], None], is_driver: Callable[[str], bool]) -> None:
+        self._snapshot, self._send = snapshot, send
+        self._pace = Pace(is_driver)
+        self._changed = threading.Condition()
+        self._closing = False
+        self._thread: threading.Thread | None = None
+        self.sent = 0
+
+    def ask(self, peer: str, request: PictureRequest) -> None:
+        """Take a page's request for one more picture."""
+        with self._changed:
+            self._pace.ask(peer, request.seen, request.round_trip, time.monotonic())
+            if not self._closing and (self._thread is None or not self._thread.is_alive()):
+                self._thread = threading.Thread(target=self._run, name="slow-pictures", daemon=True)
+                self._thread.start()
+            self._changed.notify_all()
+
+    def expect(self, delay: float) -> None:
+        """Know that a network lab holds the driver's pictures for so many seconds, which says nothing about their size."""
+        with self._changed:
+            self._pace.delay = delay
+
+    def watching(self) -> frozenset[str]:
+        """Return the peers that have asked within the last seconds."""
+        with self._changed:
+            return self._pace.watching(time.monotonic())
+
+    def close(self) -> None:
+        """End the thread; waits at most some seconds. Idempotent."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        if self._thread is not None:
+            self._thread.join(CLOSE_TIMEOUT)
+
+    def _run(self) -> None:
+        set_nice(ORDINARY)  # it was started by the control loop, before which it must not go
+        while self._wait_until_due():
+            try:
+                self._send_one()
+            except FAILURES as error:
+                log.warning("slow_picture_failed reason=%s", error)
+                self._failed()
+
+    def _wait_until_due(self) -> bool:
+        with self._changed:
+            while not self._closing and (wait := self._pace.wait(time.monotonic())) != 0.0:
+                self._changed.wait(wait)
+            return not self._closing
+
+    def _send_one(self) -> None:
+        frame = self._snapshot()
+        if frame is None:
+            self._failed()
+            return
+        payload = picture.pack(frame.stamp, _jpeg(frame, self._pace.rung()))
+        if len(payload) > LIMIT:
+            with self._changed:
+                self._pace.quality.too_large()
+            self._failed()
+            return
+        with self._changed:
+            waited = self._pace.sent(frame.stamp, time.monotonic())
+        self.sent += 1
+        self._send(payload, waited)
+
+    def _failed(self) -> None:
+        with self._changed:
+            self._pace.failed(time.monotonic())
+
+
+def _jpeg(frame: Frame, rung: Rung) -> bytes:
+    return reduced(frame, *fitted(rung.tier, frame.width, frame.height), rung.quantizer)

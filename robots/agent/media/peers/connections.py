@@ -1,0 +1,251 @@
+"""The pages that are connected over WebRTC: which get a place, whose offers are answered, who is who, and why a connection ended.
+
+Belongs to the media loop, but for what says otherwise.
+"""
+
+import asyncio
+import itertools
+import logging
+import time
+from collections.abc import Callable, Coroutine, Iterator
+from typing import Any, Literal
+
+import msgspec
+
+from robots.agent.lab.timed import TimedLine
+from robots.agent.media.codecs.encoder import Picture
+from robots.agent.media.peers.registry import HeldCandidates, Roster
+from robots.agent.media.peers.viewer import Viewer
+from robots.agent.media.webrtc.sdp import BadOfferError
+from robots.api.codec import encode_frame
+from robots.api.messages import Answer, Bye, Candidate, Heartbeat, Offer, Role, Signal, SignalReply, Stay
+
+log = logging.getLogger(__name__)
+
+FLOOD_PAUSE = 5.0  # s; to connect costs the robot more than what the page may say until it is sent away
+MakeViewer = Callable[[str, Role, str, Callable[[str], None]], Viewer]
+
+
+class Connections:
+    """Every page's connection, by its peer id.
+
+    Args:
+        places: how many pages may be connected at once; the driver always finds room.
+        make_viewer: makes the connection of (peer, role), with a name for this connection of theirs and what to call when it fails by itself.
+        reply: called with (peer, message) for the page.
+        changed: called when somebody came, who may be the driver.
+    """
+
+    def __init__(self, places: int, make_viewer: MakeViewer, reply: Callable[[str, SignalReply], None], changed: Callable[[], None]) -> None:
+        self._make_viewer, self._reply, self._changed = make_viewer, reply, changed
+        self._roster = Roster(places)
+        self._held = HeldCandidates()
+        self._count = itertools.count()
+        self._viewers: dict[str, Viewer] = {}
+        self._screens: set[str] = set()
+        self._flooded: dict[str, float] = {}  # pages that were sent away for it: refused until
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._closing = False
+        self.newest_screen = ""  # the name of the connection of the robot's own display that came last
+
+    # --- any thread --------------------------------------------------------------------------------------------------
+
+    def lease_changed(self, driver_peer: str | None) -> None:
+        """Say which peer the lease names; every other one is an observer from now on, None means that nobody drives."""
+        self._roster.lease_changed(driver_peer, time.monotonic())
+
+    def role(self, peer: str) -> Role:
+        """Return what a peer is at this moment."""
+        return self._roster.role(peer)
+
+    def drives(self, peer: str) -> bool:
+        """Tell whether a peer is the one that drives."""
+        return self.role(peer) == "driver"
+
+    @property
+    def is_empty(self) -> bool:
+        """Tell whether nobody is connected."""
+        return not self._viewers
+
+    def connected(self) -> frozenset[str]:
+        """Return the pages that are connected, displays left out."""
+        return frozenset(peer for peer, viewer in list(self._viewers.items()) if viewer.is_connected and peer not in self._screens)
+
+    @property
+    def screens(self) -> int:
+        """How many of the robot's own displays are connected."""
+        return sum(viewer.is_connected for peer, viewer in list(self._viewers.items()) if peer in self._screens)
+
+    def statistics(self) -> dict[str, dict[str, int | None]]:
+        """Return counts for each peer: see `Viewer.statistics`."""
+        return {peer: viewer.statistics() for peer, viewer in list(self._viewers.items())}
+
+    # --- signalling --------------------------------------------------------------------------------------------------
+
+    def take_signal(self, peer: str, message: Signal) -> None:
+        """Take an offer, candidate or bye of a page, or the server's word that it may stay."""
+        if isinstance(message, Offer):
+            self._take_offer(peer, message)
+        elif isinstance(message, Stay):
+            self._roster.vouch(peer, time.monotonic())
+        elif isinstance(message, Candidate):
+            viewer = self._viewers.get(peer)
+            if viewer is None or not viewer.takes_candidates:
+                self._held.hold(peer, message)
+            else:
+                viewer.add_candidate(message)
+        elif peer in self._viewers:
+            self._end(peer, None)
+
+    def _take_offer(self, peer: str, offer: Offer) -> None:
+        if self._closing:  # a page may ask again as soon as it hears goodbye, and would be answered by a robot that is gone
+            self._reply(peer, Bye(reason="left"))
+            return
+        if self._flooded.get(peer, 0.0) > time.monotonic():
+            self._reply(peer, Bye(reason="flooded"))
+            return
+        admission = self._roster.admit(peer, offer.role, time.monotonic())
+        if admission.leaves is not None:
+            self._end(admission.leaves, "full")
+        if not admission.admitted:
+            log.info("peer_refused peer=%s role=%s reason=full", peer, offer.role)
+            self._reply(peer, Bye(reason="full"))
+            return
+        old = self._viewers.pop(peer, None)
+        is_screen, source = offer.role == "screen", f"{peer} {next(self._count)}"
+        viewer = self._make_viewer(peer, offer.role, source, lambda reason: self._ended(peer, viewer, reason))
+        if old is not None:
+            viewer.gate = old.gate
+            self._keep(old.close())
+        self._viewers[peer] = viewer
+        if is_screen:
+            self.newest_screen = source
+        self._changed()
+        (self._screens.add if is_screen else self._screens.discard)(peer)
+        self._keep(self._answer(peer, viewer, offer)).add_done_callback(lambda task: self._answered(task, peer, viewer))
+
+    async def _answer(self, peer: str, viewer: Viewer, offer: Offer) -> None:
+        began = time.monotonic()
+        try:
+            answer = await viewer.answer(offer)
+        except BadOfferError as error:
+            log.warning("offer_unusable peer=%s reason=%s", peer, error)
+            self._ended(peer, viewer)
+            return
+        if self._viewers.get(peer) is not viewer:
+            return  # replaced, or gone, while candidates were gathered
+        for candidate in self._held.release(peer):
+            viewer.add_candidate(candidate)
+        log.info("offer_answered peer=%s role=%s seconds=%.3f", peer, offer.role, time.monotonic() - began)
+        self._reply(peer, Answer(sdp=answer))
+
+    def _answered(self, task: "asyncio.Task[None]", peer: str, viewer: Viewer) -> None:
+        """Let no offer stay without a reply, whatever went wrong with it."""
+        if not task.cancelled() and task.exception() is not None:
+            self._ended(peer, viewer)
+
+    # --- ends --------------------------------------------------------------------------------------------------------
+
+    def end_lost(self, now: float) -> None:
+        """End the connections over which nothing comes any more, and those of whoever may not stay; `now` is monotonic."""
+        for peer, viewer in list(self._viewers.items()):
+            if viewer.is_lost(now):
+                self._end(peer, "failed")
+        for peer, reason in self._roster.unwelcome(now).items():
+            if peer in self._viewers:
+                self._end(peer, reason)
+
+    async def close(self) -> None:
+        """Say goodbye to every page, and to every one that asks from now on."""
+        self._closing = True
+        for peer in list(self._viewers):
+            self._end(peer, "left")
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def _ended(self, peer: str, viewer: Viewer, reason: str = "failed") -> None:
+        """End a connection that failed by itself, or floods, unless a newer one has taken its place."""
+        if self._viewers.get(peer) is not viewer:
+            return
+        if reason == "flooded":
+            now = time.monotonic()
+            self._flooded = {other: until for other, until in self._flooded.items() if until > now} | {peer: now + FLOOD_PAUSE}
+        self._end(peer, reason)
+
+    def _end(self, peer: str, reason: str | None) -> None:
+        """Close a page's connection and tell it why, or nothing when it said goodbye itself."""
+        viewer = self._viewers.pop(peer)
+        self._screens.discard(peer)
+        self._roster.leave(peer)
+        log.info("peer_ended peer=%s reason=%s %s", peer, reason or "bye", viewer.statistics())
+        if reason is not None:
+            self._reply(peer, Bye(reason=reason))
+        self._keep(viewer.close())
+
+    def _keep(self, work: Coroutine[Any, Any, None]) -> "asyncio.Task[None]":
+        task = asyncio.ensure_future(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._done)
+        return task
+
+    def _done(self, task: "asyncio.Task[None]") -> None:
+        self._tasks.discard(task)
+        if not task.cancelled() and (error := task.exception()) is not None:
+            log.error("media_task_failed", exc_info=error)
+
+    # --- what they are sent ------------------------------------------------------------------------------------------
+
+    def send(self, suffix: str, frame: str) -> None:
+        """Send a frame to every page that is connected."""
+        for viewer in self._viewers.values():
+            viewer.send(suffix, frame)
+
+    def send_heartbeat(self, suffix: str, heartbeat: Heartbeat) -> None:
+        """Send each page its own echoes alone: a peer id is a secret between its page, the server and the robot."""
+        for peer, viewer in self._viewers.items():
+            own = tuple(echo for echo in heartbeat.echoes if echo.peer == peer)
+            viewer.send(suffix, encode_frame(suffix, msgspec.structs.replace(heartbeat, echoes=own)))
+
+    def point(self, by: Literal["driver", "screen"], frame: str) -> None:
+        """Send a frame of one side to the other: the robot's own displays, or the driver."""
+        for peer, viewer in self._viewers.items():
+            if (peer in self._screens) if by == "driver" else self.drives(peer):
+                viewer.send("pointer", frame)
+
+    def lead(self, line: TimedLine | None) -> None:
+        """Lead what the driver is sent over the line, and what everybody else is sent straight to them."""
+        for peer, viewer in self._viewers.items():
+            viewer.send_by(line if self.drives(peer) else None)
+
+    def show(self, picture: Picture) -> None:
+        """Show the robot's picture to all but its own displays."""
+        for viewer in self._pages():
+            viewer.show(picture)
+
+    def sound(self, payload: bytes, ticks: int) -> None:
+        """Let all but its own displays hear the robot."""
+        for viewer in self._pages():
+            viewer.sound(payload, ticks)
+
+    def show_at_robot(self, picture: Picture) -> None:
+        """Show the visitor's picture on the robot's own displays."""
+        for peer in self._screens:
+            self._viewers[peer].show(picture)
+
+    def sound_at_robot(self, payload: bytes, ticks: int) -> None:
+        """Let the robot's own displays sound the visitor's voice."""
+        for peer in self._screens:
+            self._viewers[peer].sound(payload, ticks)
+
+    def ask_driver(self) -> None:
+        """Ask the driver's page for a whole picture of its visitor."""
+        for peer, viewer in self._viewers.items():
+            if self.drives(peer):
+                self._keep(viewer.ask_key_frame())
+
+    def ask_screens(self) -> None:
+        """Ask the robot's own displays for a whole picture."""
+        for peer in self._screens:
+            self._keep(self._viewers[peer].ask_key_frame())
+
+    def _pages(self) -> Iterator[Viewer]:
+        return (viewer for peer, viewer in self._viewers.items() if peer not in self._screens)

@@ -1,0 +1,142 @@
+"""What waits to be sent to one viewer, between the shared encoders and aiortc's sender."""
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Callable
+
+from robots.agent.media.codecs.encoder import Picture
+from robots.agent.media.peers.key_frames import Reason
+from robots.agent.media.peers.sender_queue import ViewerQueue
+from robots.agent.media.webrtc.aiortc_hooks import Detour, Outgoing
+
+MAX_SOUNDS = 10  # 200 ms
+PAUSE = 0.2  # s without a picture: what is old then is the camera's fault
+LONGEST_GAP = 0.1  # s between two pictures for which packets are sent again
+ONCE = 5.0  # s; who falls behind more seldom than this was held up, and no narrow network makes it happen again
+
+
+class SentRate:
+    """The bit/s of the last second."""
+
+    def __init__(self) -> None:
+        self._sent: deque[tuple[float, int]] = deque()
+
+    def add(self, now: float, octets: int) -> float:
+        """Note what was sent; return the seconds since the last time, 0 for the first."""
+        gap = now - self._sent[-1][0] if self._sent else 0.0
+        self._sent.append((now, octets))
+        return gap
+
+    def since(self, now: float) -> float:
+        """Return the seconds since something was sent."""
+        return now - self._sent[-1][0] if self._sent else float("inf")
+
+    def of(self, now: float) -> float:
+        """Return the rate."""
+        while self._sent and now - self._sent[0][0] > 1.0:
+            self._sent.popleft()
+        return 8.0 * sum(octets for _, octets in self._sent)
+
+
+class PictureOutbox:
+    """The pictures for one viewer; belongs to the media loop.
+
+    Args:
+        ask_key_frame: called with why this viewer needs a key frame.
+        before: called with each picture before it is sent, so that its clock reading travels ahead of it.
+        lost: called with the share of packets that the viewer says were lost.
+    """
+
+    def __init__(self, ask_key_frame: Callable[[Reason], None], before: Callable[[Picture], None], lost: Callable[[float], None]) -> None:
+        self.queue = ViewerQueue()
+        self.last_report = 0.0
+        self.sent = 0
+        self.more = 0.0  # bit/s to reach by sending packets again
+        self._rate = SentRate()
+        self.backlog: Callable[[], int] = int
+        self.detour: Detour | None = None
+        self._ask_key_frame = ask_key_frame
+        self._before = before
+        self._lost = lost
+        self._behind_at = float("-inf")
+        self._open = False
+        self._filled = asyncio.Event()
+
+    def put(self, picture: Picture) -> None:
+        """Queue a picture; before the connection is up there is nothing to queue for."""
+        if not self._open:
+            return
+        if self.queue.put(picture, self.backlog()):
+            self._ask_key_frame(self._why(time.monotonic()))
+        if len(self.queue):
+            self._filled.set()
+
+    def _why(self, now: float) -> Reason:
+        """Return what kind of viewer needs a key frame: nobody is to wait for the first picture, or because this process was busy for a moment."""
+        since, self._behind_at = now - self._behind_at, now
+        if not self.sent:
+            return "joined"
+        return "lost" if since > ONCE else "behind"
+
+    async def take(self) -> Outgoing:
+        """Wait for the next picture to send; the first call comes when the connection is up and asks for a key frame."""
+        if not self._open:
+            self._open = True
+            self._ask_key_frame("joined")
+        while (picture := self.queue.take()) is None:
+            self._filled.clear()
+            await self._filled.wait()
+        self.sent += 1
+        self._before(picture)
+        now = time.monotonic()
+        gap = self._rate.add(now, picture.size)
+        more = max(0.0, self.more - self._rate.of(now)) * min(gap, LONGEST_GAP) / 8 if self.more else 0.0
+        return Outgoing(picture.payloads, picture.rtp, picture.key, int(more))
+
+    def key_frame_wanted(self) -> None:
+        """Hear that the viewer lost a picture."""
+        self._ask_key_frame("lost")
+
+    def heard(self, loss: float | None) -> None:
+        """Hear that the viewer is there, and what share of the packets it lost."""
+        self.last_report = time.monotonic()
+        if loss is not None:
+            self._lost(loss)
+
+    @property
+    def rate(self) -> float | None:
+        """Return what the viewer was sent in the last second, in bit/s; None when there was no picture just now."""
+        now = time.monotonic()
+        return self._rate.of(now) if self._rate.since(now) < PAUSE else None
+
+
+class SoundOutbox:
+    """The sound for one listener; what is late is dropped, oldest first. Belongs to the media loop."""
+
+    def __init__(self, origin: int) -> None:
+        self.last_report = 0.0
+        self.backlog: Callable[[], int] = int
+        self.detour: Detour | None = None
+        self._origin = origin
+        self._sounds: deque[Outgoing] = deque(maxlen=MAX_SOUNDS)
+        self._filled = asyncio.Event()
+
+    def put(self, payload: bytes, ticks: int) -> None:
+        """Queue 20 ms of sound that began `ticks` of 1/48000 s after the microphone's first."""
+        self._sounds.append(Outgoing((payload,), (self._origin + ticks) % (1 << 32)))
+        self._filled.set()
+
+    async def take(self) -> Outgoing:
+        """Wait for the next sound to send."""
+        while not self._sounds:
+            self._filled.clear()
+            await self._filled.wait()
+        return self._sounds.popleft()
+
+    def key_frame_wanted(self) -> None:
+        """Sound has no key frames."""
+
+    def heard(self, loss: float | None) -> None:  # noqa: ARG002 -- sound has no rate to adapt
+        """Hear that the listener is there."""
+        self.last_report = time.monotonic()

@@ -1,0 +1,246 @@
+"""One connected page: what it is shown, what it hears, what it is told, and what it says."""
+
+import logging
+import random
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+from robots.agent.cadence import Cadence
+from robots.agent.media.codecs.encoder import Picture
+from robots.agent.media.peers.bitrate import Climb
+from robots.agent.media.peers.frame_queue import PictureOutbox, SoundOutbox
+from robots.agent.media.peers.key_frames import Reason
+from robots.agent.media.webrtc.aiortc_hooks import Detour
+from robots.agent.media.webrtc.packet_gate import FrameGate, Heard
+from robots.agent.media.webrtc.relays import Relays
+from robots.agent.media.webrtc.rtp import ClockTeller
+from robots.agent.media.webrtc.sdp import Kind
+from robots.agent.media.webrtc.signalling import PageConnection
+from robots.api.codec import encode_frame
+from robots.api.messages import Candidate, CommandHeartbeat, Offer
+
+NARROW = 2  # the first rung of a network that has no room to spare
+SPARSE = {"scan": 0.95, "pose": 0.19}  # s between two of them there; five and fifteen a second would be as much as the picture
+
+log = logging.getLogger(__name__)
+
+
+class Pictures(Protocol):
+    """What a viewer watches: the camera, or for the robot's screen the visitor."""
+
+    @property
+    def rates(self) -> tuple[int, ...]:
+        """Return the bit/s of the qualities there are, the best first."""
+
+    def watch(self, number: int, rung: int = 0) -> None:
+        """Say that `number` more watch one of them."""
+
+    def ask_key_frame(self, reason: Reason, rung: int = 0) -> None:
+        """Ask for a key frame of one of them."""
+
+
+class Sounds(Protocol):
+    """What a viewer hears: the microphone, or the visitor."""
+
+    def listen(self, number: int) -> None:
+        """Say that `number` more listen."""
+
+
+class Viewer:
+    """A page's connection together with its share of camera and microphone. Belongs to the media loop.
+
+    Args:
+        peer: the peer id that the server made.
+        camera: what it watches from the offer on, so that the first picture is there when the connection is.
+        microphone: what it hears.
+        on_command: called with what every frame from the page says that passed the gate.
+        on_end: called with the reason when the connection failed, was closed by the page, or the page floods.
+        on_media, relays: see `PageConnection`.
+    """
+
+    def __init__(
+        self,
+        peer: str,
+        *,
+        camera: Pictures | None,
+        microphone: Sounds | None,
+        on_command: Callable[[Heard], None],
+        on_end: Callable[[str], None],
+        on_media: Callable[[Kind, bytes, int], None] | None = None,
+        relays: Relays | None = None,
+    ) -> None:
+        self.peer = peer
+        self._camera = camera
+        self._microphone = microphone
+        self._on_command = on_command
+        self._clock = ClockTeller()
+        self._pictures = PictureOutbox(self._ask_camera, self._tell_clock, self._lost) if camera is not None else None
+        self._climb = Climb(camera.rates if camera is not None else (0,), time.monotonic())
+        self._rung = self._coming = 0  # the quality that is shown, and the one whose next key frame takes over
+        origin = random.randrange(1 << 32)  # noqa: S311 -- RFC 3550 wants it random, SRTP does not depend on it
+        self._sparse = {suffix: Cadence(period) for suffix, period in SPARSE.items()}
+        self._sounds = SoundOutbox(origin) if microphone is not None else None
+        self._page = PageConnection(peer, self._pictures, self._sounds, self._take, self._clock.forget, on_end, on_media, relays or Relays())
+        self._shown = -1  # the RTP timestamp of the newest picture
+        self._holed = self._begged = False  # pictures were left out, and a key frame was asked for that mends it
+        self._watching = False
+        self.takes_candidates = False
+
+    @property
+    def gate(self) -> FrameGate:
+        """How much the page may say: a newer connection of the same page goes on with it, or connecting again would be a way to say more."""
+        return self._page.gate
+
+    @gate.setter
+    def gate(self, gate: FrameGate) -> None:
+        self._page.gate = gate
+
+    @property
+    def is_connected(self) -> bool:
+        """Tell whether media and data flow."""
+        return self._page.is_connected
+
+    def is_lost(self, now: float) -> bool:
+        """Tell whether the connection came to nothing or its page has gone quiet; `now` is monotonic."""
+        return self._page.is_lost(now)
+
+    async def answer(self, offer: Offer) -> str:
+        """Answer the offer; return the SDP.
+
+        Raises:
+            BadOfferError: it cannot be used.
+        """
+        self._watch()
+        sdp = await self._page.answer(offer)
+        self.takes_candidates = True
+        return sdp
+
+    def add_candidate(self, candidate: Candidate) -> None:
+        """Add a trickled candidate; only after `answer`."""
+        self._page.add_candidate(candidate)
+
+    def send_by(self, detour: Detour | None) -> None:
+        """Have picture and sound take a detour from now on, or the straight way."""
+        for box in (self._pictures, self._sounds):
+            if box is not None:
+                box.detour = detour
+
+    def show(self, picture: Picture) -> None:
+        """Queue a picture of the quality that this viewer's network takes, and leave the others."""
+        if self._pictures is None:
+            return
+        if self._climb.pauses(time.monotonic()):
+            self._holed, self._begged = True, False
+            return
+        if self._holed and not self._is_mended_by(picture):
+            return
+        if picture.rung == self._coming != self._rung and picture.key:
+            self._take_over(picture)
+        if picture.rung == self._rung:
+            self._shown = picture.rtp
+            self._pictures.more = self._climb.look(time.monotonic())
+            self._pictures.put(picture)
+            self._move()
+
+    def sound(self, payload: bytes, ticks: int) -> None:
+        """Queue 20 ms of sound."""
+        if self._sounds is not None:
+            self._sounds.put(payload, ticks)
+
+    def send(self, suffix: str, frame: str) -> None:
+        """Send a frame on the data channel, or drop it; on a narrow network most of what a newer one replaces."""
+        if self._rung >= NARROW and (cadence := self._sparse.get(suffix)) is not None and not cadence.due(time.monotonic()):
+            return
+        self._page.send(frame)
+
+    async def ask_key_frame(self) -> None:
+        """Ask the page for a whole picture of its visitor."""
+        await self._page.ask_key_frame()
+
+    def statistics(self) -> dict[str, int | None]:
+        """Return pictures sent, restarts on a key frame, the rung of the ladder, and frames refused and dropped."""
+        pictures = self._pictures
+        return {
+            "pictures": pictures.sent if pictures else 0,
+            "restarts": pictures.queue.restarts if pictures else 0,
+            "rung": self._rung,
+            "oversized": self._page.gate.counts["oversized"],
+            "too_fast": self._page.gate.counts["too_fast"],
+            "telemetry_dropped": self._page.dropped_telemetry,
+        }
+
+    async def close(self) -> None:
+        """Close the connection and let go of camera and microphone; idempotent."""
+        self._unwatch()
+        await self._page.close()
+
+    def _watch(self) -> None:
+        if not self._watching:
+            self._watching = True
+            self._change(1)
+
+    def _unwatch(self) -> None:
+        if self._watching:
+            self._watching = False
+            self._change(-1)
+
+    def _change(self, number: int) -> None:
+        if self._camera is not None:
+            for rung in {self._rung, self._coming}:
+                self._camera.watch(number, rung)
+        if self._microphone is not None:
+            self._microphone.listen(number)
+
+    # --- the ladder of qualities -------------------------------------------------------------------------------------
+
+    def _ask_camera(self, reason: Reason) -> None:
+        if self._camera is not None:
+            self._camera.ask_key_frame(reason, self._rung)
+
+    def _take(self, heard: Heard) -> None:
+        if self._pictures is not None and isinstance(heard, CommandHeartbeat):
+            age, sent = heard.frame_age, self._pictures.rate
+            if age is not None and sent is not None:
+                self._climb.aged(time.monotonic(), age, sent)
+                self._move()
+        self._on_command(heard)
+
+    def _lost(self, share: float) -> None:
+        self._climb.lost(time.monotonic(), share)
+        self._move()
+
+    def _move(self) -> None:
+        """Ask for the quality where the climb stands; what is shown goes on until its first key frame is there."""
+        wanted = self._climb.rung
+        if self._camera is None or not self._watching or wanted == self._coming:
+            return
+        if self._coming != self._rung:
+            self._camera.watch(-1, self._coming)
+        self._coming = wanted
+        if wanted != self._rung:
+            self._camera.ask_key_frame("joined", wanted)
+            self._camera.watch(1, wanted)
+
+    def _is_mended_by(self, picture: Picture) -> bool:
+        """Tell whether pictures can go on after those that were left out, and ask for the one with which they can, once."""
+        self._holed = not (picture.key and picture.rung == self._coming)
+        if self._holed and not self._begged and self._camera is not None:
+            self._begged = True
+            self._camera.ask_key_frame("joined", self._coming)
+        return not self._holed
+
+    def _take_over(self, picture: Picture) -> None:
+        assert self._camera is not None
+        if picture.rtp == self._shown:  # two pictures of one time are one to a page, and that one is broken
+            self._camera.ask_key_frame("joined", self._coming)
+            return
+        if self._watching:
+            self._camera.watch(-1, self._rung)
+        self._rung = self._coming
+        log.info("picture_quality peer=%s rung=%s", self.peer, self._rung)
+
+    def _tell_clock(self, picture: Picture) -> None:
+        clock = self._clock.tell(picture.rtp, picture.stamp, time.monotonic())
+        if clock is not None:
+            self._page.send(encode_frame("media", clock))

@@ -1,0 +1,128 @@
+"""The visitor's voice and face on their way to the people at the robot.
+
+They arrive encoded on the driver's connection and leave as they came: a screen that shows the visitor is one more viewer, with the
+visitor's packets instead of the camera's (nothing is encoded again). While no screen is connected they are decoded for the robot's own
+loudspeaker and display, where it has them. Only what the lease's peer sends passes, and only what the call lets through; the rest is
+counted and dropped, and nothing is kept.
+"""
+
+import logging
+import time
+from collections import Counter
+from collections.abc import Callable
+
+from robots.agent.media.capture.outputs import OutputFeed
+from robots.agent.media.codecs.encoder import Picture
+from robots.agent.media.peers.key_frames import KeyFrames, Reason
+from robots.agent.media.webrtc.rtp import vp8_payloads
+from robots.agent.media.webrtc.sdp import Kind
+
+log = logging.getLogger(__name__)
+
+STEP: dict[Kind, int] = {"audio": 960, "video": 3000}  # ticks from the last of one source to the first of the next
+ROUND = 1 << 32
+
+
+class Continuous:
+    """One growing count of RTP ticks out of those of several sources, each of which begins anywhere."""
+
+    def __init__(self, step: int) -> None:
+        self._step, self._source, self._offset, self._last = step, "", 0, 0
+
+    def tick(self, source: str, ticks: int) -> int:
+        """Return the ticks of what `source` counts as `ticks`."""
+        if source != self._source:
+            self._source, self._offset = source, self._last + self._step - ticks
+        self._last = ticks + self._offset
+        return self._last
+
+
+class VisitorMedia:
+    """All of it on the media loop, but for `let_through`.
+
+    Args:
+        drives: tells whether a peer is the one that the lease names.
+        ask: asks the driver's page for a key frame.
+        show: gives a picture to the screens.
+        sound: gives a sound to the screens.
+        outputs: the robot's own loudspeaker and display, or None.
+    """
+
+    def __init__(
+        self,
+        *,
+        drives: Callable[[str], bool],
+        ask: Callable[[], None],
+        show: Callable[[Picture], None],
+        sound: Callable[[bytes, int], None],
+        outputs: OutputFeed | None,
+    ) -> None:
+        self._drives, self._ask, self._show, self._sound, self._outputs = drives, ask, show, sound, outputs
+        self._keys = KeyFrames()
+        self._clocks = {kind: Continuous(step) for kind, step in STEP.items()}
+        self._passing = {"audio": False, "video": False}
+        self._broken = True  # pictures were left out: the next one must be a key frame
+        self._screens = 0
+        self.counts: Counter[str] = Counter()
+
+    def let_through(self, *, audio: bool, video: bool, volume: float) -> None:
+        """Let sound and pictures of the driver through, or not; from any thread."""
+        self._passing = {"audio": audio, "video": video}
+        if self._outputs is not None:
+            self._outputs.volume = volume
+
+    def take(self, peer: str, source: str, kind: Kind, data: bytes, ticks: int) -> None:
+        """Take one encoded picture or sound of a connection of `peer`; `source` names the connection, `ticks` are its own."""
+        if not self._drives(peer):
+            self.counts["not_driver"] += 1
+            return
+        if not data or not self._passing[kind]:
+            self.counts["not_let_through"] += 1
+            self._broken |= kind == "video"
+            return
+        self.counts[kind] += 1
+        at = self._clocks[kind].tick(source, ticks)
+        if kind == "audio":
+            self._take_sound(data, at)
+        else:
+            self._take_picture(data, at)
+
+    # --- for a screen, which asks as a viewer asks a camera or a microphone (viewer.Pictures, viewer.Sounds) ---------------
+
+    @property
+    def rates(self) -> tuple[int, ...]:
+        """Return the one quality there is: what the visitor's page sends, whose rate nobody here knows."""
+        return (0,)
+
+    def watch(self, number: int, rung: int = 0) -> None:  # noqa: ARG002 -- there is one
+        """Note that `number` more screens are connected, fewer when negative."""
+        self._screens += number
+
+    def listen(self, number: int) -> None:
+        """Nothing to begin: what the visitor says comes anyway."""
+
+    def ask_key_frame(self, reason: Reason, rung: int = 0) -> None:  # noqa: ARG002 -- as above
+        """Ask the visitor's page for a key frame, not too often."""
+        self._keys.ask(reason)
+        if self._keys.is_due(time.monotonic()):
+            self._keys.made(time.monotonic())
+            self._ask()
+
+    # --- inside ------------------------------------------------------------------------------------------------------
+
+    def _take_sound(self, data: bytes, ticks: int) -> None:
+        if self._screens:
+            self._sound(data, ticks)
+        elif self._outputs is not None:
+            self._outputs.hear(data)
+
+    def _take_picture(self, data: bytes, ticks: int) -> None:
+        key = data[0] & 1 == 0  # RFC 6386, section 9.1
+        if self._broken and not key:
+            self.ask_key_frame("lost")
+            return
+        self._broken = False
+        if self._screens:
+            self._show(Picture(vp8_payloads(data), key, ticks % ROUND, time.time()))
+        elif self._outputs is not None and not self._outputs.see(data, key=key):
+            self.ask_key_frame("behind")

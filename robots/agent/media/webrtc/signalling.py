@@ -1,0 +1,232 @@
+"""One page's WebRTC connection: the offer answered, candidates added, the data channel carried. A shell around aiortc.
+
+There is one `PageConnection` an offer and it is never renegotiated: recovery is a new offer and a new connection. All of it runs
+on the media loop.
+"""
+
+import asyncio
+import functools
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from aiortc import (
+    RTCBundlePolicy,
+    RTCConfiguration,
+    RTCDataChannel,
+    RTCPeerConnection,
+    RTCRtpReceiver,
+    RTCRtpTransceiver,
+    RTCSessionDescription,
+)
+from aiortc.exceptions import InternalError, InvalidAccessError, InvalidStateError, OperationError
+
+from robots.agent.media.peers.frame_queue import PictureOutbox, SoundOutbox
+from robots.agent.media.webrtc import aiortc_hooks, sctp, sdp
+from robots.agent.media.webrtc.packet_gate import FrameGate, Heard
+from robots.agent.media.webrtc.relays import Relays
+from robots.api.messages import Candidate, Offer
+from robots.cancellation import cancel
+
+log = logging.getLogger(__name__)
+
+MAX_BUFFERED = 64 * 1024  # bytes; telemetry that a page cannot take at once is dropped, the next is newer
+MAX_CHANNELS = 4
+MAX_CANDIDATES = 64
+CONNECT_TIMEOUT = 15.0  # s from the offer
+LONG_GATHERING = 2.0  # s; aiortc waits 5 s for who does not answer, which is as long as a page waits for an answer
+SILENCE = 10.0  # s without a report or a frame from a page whose reports had come; ICE itself notices after 30 s
+_CODECS = {"video": "video/VP8", "audio": "audio/opus"}
+
+# What aiortc raises about an offer that it cannot use.
+_AIORTC_SAYS = (InternalError, InvalidAccessError, InvalidStateError, OperationError)
+UNUSABLE = (ValueError, LookupError, AssertionError, AttributeError, TypeError, RuntimeError, OSError, *_AIORTC_SAYS)
+
+
+@dataclass
+class PageConnection:
+    """The connection of one page.
+
+    Args:
+        peer: the peer id that the server made.
+        on_command: called with what every frame from the page says that passed the gate.
+        on_open: called when the page has opened a data channel.
+        on_end: called with the reason when the connection failed, was closed by the page, or the page floods.
+        on_media: called with (kind, what is encoded, RTP ticks from 0) for the visitor's voice and face; None drops them unread.
+        relays: what is known of relays, shared by all connections of a robot. An empty list of servers means none, where aiortc's default
+            is a stranger's.
+    """
+
+    peer: str
+    pictures: PictureOutbox | None
+    sounds: SoundOutbox | None
+    on_command: Callable[[Heard], None]
+    on_open: Callable[[], None]
+    on_end: Callable[[str], None]
+    on_media: Callable[[sdp.Kind, bytes, int], None] | None = None
+    relays: Relays = field(default_factory=Relays)
+    gate: FrameGate = field(default_factory=FrameGate)
+    channels: list[RTCDataChannel] = field(default_factory=list)
+    dropped_telemetry: int = 0
+    _connection: RTCPeerConnection | None = None
+    _face: RTCRtpReceiver | None = None
+    _candidates: int = 0
+    _tasks: set[asyncio.Task[None]] = field(default_factory=set)
+    _began: float = field(default_factory=time.monotonic)
+    _last_frame: float = 0.0
+    _closed: bool = False
+    _sent_away: bool = False
+
+    @property
+    def is_connected(self) -> bool:
+        """Tell whether media and data flow."""
+        return self._connection is not None and self._connection.connectionState == "connected"
+
+    def is_lost(self, now: float) -> bool:
+        """Tell whether this connection came to nothing, or whether its page has gone quiet; `now` is monotonic."""
+        if not self.is_connected:
+            return now - self._began > CONNECT_TIMEOUT
+        reports = max((box.last_report for box in (self.pictures, self.sounds) if box is not None), default=0.0)
+        return reports > 0.0 and now - max(reports, self._last_frame) > SILENCE
+
+    async def answer(self, offer: Offer) -> str:
+        """Answer an offer; return the SDP with all candidates.
+
+        Raises:
+            sdp.BadOfferError: the offer cannot be used.
+        """
+        plain, candidates = sdp.without_candidates(offer.sdp)
+        lines = sdp.media_lines(plain)
+        self._connection = connection = RTCPeerConnection(
+            # By its default aiortc puts lines of one kind on a transport of their own before the offer joins them all, and forgets the second ones.
+            RTCConfiguration(iceServers=await self.relays.usable(offer.ice_servers), bundlePolicy=RTCBundlePolicy.MAX_BUNDLE)
+        )
+        connection.on("connectionstatechange", self._on_state)
+        connection.on("datachannel", self._on_channel)
+        visitor = self._add_lines(connection, lines)
+        try:
+            await connection.setRemoteDescription(RTCSessionDescription(plain, "offer"))
+            await self._gather(connection)
+        except UNUSABLE as error:
+            raise sdp.BadOfferError(f"{type(error).__name__}: {error}") from error
+        for index, transceiver in enumerate(connection.getTransceivers()):
+            if index not in visitor:
+                aiortc_hooks.discard(transceiver.receiver)
+        for index, text in candidates:
+            self._add_candidate(text, None, index)
+        return str(connection.localDescription.sdp)
+
+    async def _gather(self, connection: RTCPeerConnection) -> None:
+        """Find our own addresses, of which the answer is made; a server that answered lately and is silent now holds that up, but once."""
+        if self.relays.trust is not None:
+            aiortc_hooks.believe(connection, self.relays.trust)
+        began = time.monotonic()
+        await connection.setLocalDescription(await connection.createAnswer())
+        if time.monotonic() - began > LONG_GATHERING:
+            self.relays.doubt()
+
+    def add_candidate(self, candidate: Candidate) -> None:
+        """Add a trickled candidate.
+
+        The end of candidates is not passed on: a page without any (no camera permission, no mDNS) still reaches the robot, and
+        aioice would have given up by then. CONNECT_TIMEOUT ends a hopeless connection.
+        """
+        self._add_candidate(candidate.candidate, candidate.sdp_mid, candidate.sdp_m_line_index)
+
+    def send(self, frame: str) -> None:
+        """Send a frame on the page's data channel, or drop it when the channel is not open or behind."""
+        channel = next((channel for channel in self.channels if channel.readyState == "open"), None)
+        if channel is None:
+            return
+        if channel.bufferedAmount > MAX_BUFFERED:
+            self.dropped_telemetry += 1
+            return
+        channel.send(frame)
+
+    async def close(self) -> None:
+        """Close the connection; idempotent."""
+        if self._closed:
+            return
+        self._closed = True
+        await cancel(*self._tasks)
+        if self._connection is not None:
+            try:
+                await self._connection.close()
+            except UNUSABLE as error:  # an offer that aiortc gave up half-way leaves parts that cannot be closed
+                log.warning("connection_close_failed peer=%s reason=%s", self.peer, error)
+
+    async def ask_key_frame(self) -> None:
+        """Ask the page for a whole picture of the visitor."""
+        if self._face is not None and self.is_connected:
+            await aiortc_hooks.ask_key_frame(self._face)
+
+    def _add_lines(self, connection: RTCPeerConnection, lines: tuple[sdp.MediaLine, ...]) -> frozenset[int]:
+        """Make a transceiver for every line of the offer, so that aiortc takes them in our order; return those that the visitor speaks on."""
+        has: set[sdp.Kind] = set()
+        if self.pictures is not None:
+            has.add("video")
+        if self.sounds is not None:
+            has.add("audio")
+        carries = sdp.robot_lines(lines, frozenset(has))
+        for index, line in enumerate(lines):
+            outbox = {"video": self.pictures, "audio": self.sounds}[line.kind] if index in carries else None
+            if outbox is not None:
+                aiortc_hooks.add_sender(connection, line.kind, outbox, _CODECS[line.kind], listens=self.on_media is not None)
+            else:
+                # A page that may give something learns by the direction whether it is wanted.
+                connection.addTransceiver(line.kind, direction="recvonly" if self.on_media is not None else "inactive")
+        if self.on_media is None:
+            return frozenset()
+        visitor = sdp.visitor_lines(lines, carries)
+        for index, kind in visitor.items():
+            self._listen_to(connection.getTransceivers()[index], kind)
+        return frozenset(visitor)
+
+    def _listen_to(self, transceiver: RTCRtpTransceiver, kind: sdp.Kind) -> None:
+        assert self.on_media is not None
+        aiortc_hooks.tap(transceiver.receiver, functools.partial(self.on_media, kind))
+        if kind == "video":
+            aiortc_hooks.speak_only(transceiver, _CODECS[kind])
+            self._face = transceiver.receiver
+
+    def _add_candidate(self, text: str, mid: str | None, index: int | None) -> None:
+        candidate = sdp.parsed_candidate(text, mid, index)
+        if candidate is None or self._closed or self._connection is None or self._candidates >= MAX_CANDIDATES:
+            return
+        self._candidates += 1
+        task = asyncio.ensure_future(self._connection.addIceCandidate(candidate))
+        self._tasks.add(task)
+        task.add_done_callback(self._candidate_added)
+
+    def _candidate_added(self, task: "asyncio.Task[None]") -> None:
+        self._tasks.discard(task)
+        if not task.cancelled() and (error := task.exception()) is not None:
+            log.info("candidate_unusable peer=%s reason=%s", self.peer, error)
+
+    def _on_state(self) -> None:
+        assert self._connection is not None
+        state = self._connection.connectionState
+        log.info("peer_connection peer=%s state=%s", self.peer, state)
+        if state in ("failed", "closed") and not self._closed:
+            self.on_end("failed")
+
+    def _on_channel(self, channel: RTCDataChannel) -> None:
+        if len(self.channels) >= MAX_CHANNELS:
+            channel.close()
+            return
+        self.channels.append(channel)
+        if len(self.channels) == 1:  # they share one
+            sctp.calm(channel.transport)
+        channel.on("message", self._on_message)
+        self.on_open()
+
+    def _on_message(self, frame: str | bytes) -> None:
+        self._last_frame = time.monotonic()
+        heard = self.gate.take(frame, self._last_frame)
+        if heard is not None:
+            self.on_command(heard)
+        elif self.gate.floods and not self._sent_away:
+            self._sent_away = True
+            log.warning("page_floods peer=%s counts=%s", self.peer, dict(self.gate.counts))
+            self.on_end("flooded")

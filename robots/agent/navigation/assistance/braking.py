@@ -1,0 +1,141 @@
+"""Will the robot touch anything if it does this and brakes then? Footprint, base and points; no map.
+
+A wanted velocity is followed for as long as it takes to notice and to react, within the base's accelerations, and then braked to a
+stand. Over that whole way no thing may come nearer to the footprint than a margin, or nearer than it already is; and nothing that may
+be walking may be able to reach it, however it turns, before the robot stands. Distances to the footprint are taken along the normals
+of its sides, which never says too much room.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from robots.agent.navigation.assistance.swept import along
+from robots.agent.safety.ramp import ZERO, approach
+from robots.api.messages import Limits, Velocity
+from robots.world.sensing import Floats
+
+REACTION = 0.25  # from the world to the wheels: age of a sweep, of a step, of a command; seconds
+WALKING = 1.25  # how fast people are, m/s
+MARGIN, MARGIN_A_SPEED = 0.025, 0.12  # room kept: metres, and metres more for each m/s
+SLICES = 14
+SLOWER = (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1)
+CRAWL = 0.02  # m/s and rad/s below which the robot may as well stand
+SOUND = 0.005  # what is nearer than the margin may come so much nearer: metres,
+TOUCH = 0.015  # but not nearer than this
+BODY = 0.1  # a laser sees the legs of people, and the rest of them is so much nearer: metres
+
+
+@dataclass(frozen=True, eq=False)
+class Hazards:
+    """What stands about, in the robot's frame, metres.
+
+    `things` (n, 2) are those of the map; `strangers` (m, 2) are not on it and may be people: those who stand; `walkers` (k, 2) those
+    who may be walking.
+    """
+
+    things: Floats
+    strangers: Floats
+    walkers: Floats
+
+
+@dataclass(frozen=True)
+class Checked:
+    """The fastest safe velocity like the one wanted, its share of that, and who is in the way: "", "thing" or "walker"."""
+
+    velocity: Velocity
+    share: float
+    why: str
+
+
+class BrakeCheck:
+    """A footprint (n, 2), counter-clockwise, on a base."""
+
+    def __init__(self, footprint: Floats, limits: Limits) -> None:
+        self.limits = limits
+        sides = np.roll(footprint, -1, axis=0) - footprint
+        self._normals = np.column_stack([sides[:, 1], -sides[:, 0]]) / np.hypot(sides[:, 0], sides[:, 1])[:, None]
+        self._offsets = (self._normals * footprint).sum(axis=1)
+        self._reach = float(np.hypot(footprint[:, 0], footprint[:, 1]).max())
+
+    def gaps(self, points: Floats) -> Floats:
+        """Return how far points (..., 2) in the robot's frame are from the footprint, metres; negative inside."""
+        gaps: Floats = (points @ self._normals.T - self._offsets).max(axis=-1)
+        return gaps
+
+    def fastest(self, current: Velocity, wanted: Velocity, hazards: Hazards) -> Checked:
+        """Return `wanted`, or as much of it as is safe, on the same curve."""
+        why = ""
+        for share in SLOWER:
+            slower = Velocity(linear=wanted.linear * share, angular=wanted.angular * share)
+            if abs(slower.linear) < CRAWL and abs(slower.angular) < CRAWL:
+                break
+            why = self.obstacle(current, slower, hazards)
+            if not why:
+                return Checked(slower, share, "" if share == 1.0 else "near")
+        return Checked(ZERO, 0.0, why)
+
+    def obstacle(self, current: Velocity, wanted: Velocity, hazards: Hazards) -> str:
+        """Return who is in the way of a velocity: "thing", "walker", or nobody."""
+        poses, times = stop_course(current, wanted, self.limits)
+        speed = max(abs(current.linear), abs(wanted.linear))
+        margin = MARGIN + MARGIN_A_SPEED * speed
+        room = self._reach + margin + abs(float(poses[-1, 0])) + abs(float(poses[-1, 1])) + 0.1
+        if self._touches_walker(poses, times, margin, _within(hazards.walkers, room + BODY + WALKING * float(times[-1]))):
+            return "walker"
+        if self._touches_thing(poses, margin, BODY, _within(hazards.strangers, room + BODY)):
+            return "thing"
+        return "thing" if self._touches_thing(poses, margin, 0.0, _within(hazards.things, room)) else ""
+
+    def room_after(self, motion: Velocity, seconds: float, hazards: Hazards) -> float:
+        """Return the distance in metres to the nearest thing after a motion, `inf` when there is none."""
+        things = np.vstack([hazards.things, hazards.strangers, hazards.walkers])
+        half = motion.angular * seconds / 2.0
+        way = motion.linear * seconds
+        pose = np.array([[way * math.cos(half), way * math.sin(half), 2.0 * half]])
+        return float(self.gaps(_seen_from(pose, things)).min()) if len(things) else math.inf
+
+    def _touches_thing(self, poses: Floats, margin: float, unseen: float, points: Floats) -> bool:
+        """Tell whether a course comes too near to points behind which things go on for `unseen` metres."""
+        if len(points) == 0:
+            return False
+        now = self.gaps(points) - unseen
+        least = self.gaps(_seen_from(poses, points)).min(axis=0) - unseen
+        allowed = np.where(now >= margin, margin, np.where(now > TOUCH, np.maximum(TOUCH, now - SOUND), now - 0.2 * SOUND))
+        return bool((least < allowed).any())
+
+    def _touches_walker(self, poses: Floats, times: Floats, margin: float, points: Floats) -> bool:
+        if len(points) == 0:
+            return False
+        nearest = self.gaps(_seen_from(poses, points)).min(axis=1)
+        return bool((nearest < margin + BODY + WALKING * times).any())
+
+
+def stop_course(current: Velocity, wanted: Velocity, limits: Limits) -> tuple[Floats, Floats]:
+    """Return poses (k, 3) and times (k,) from now to the stand, in the frame of the robot now."""
+    fastest = (max(abs(current.linear), abs(wanted.linear)), max(abs(current.angular), abs(wanted.angular)))
+    stop = max(fastest[0] / limits.linear_braking, fastest[1] / limits.angular_braking)
+    dt = (REACTION + stop) / SLICES
+    ways = np.zeros((1, SLICES + 1, 2))
+    linear, angular = current.linear, current.angular
+    for number in range(1, SLICES + 1):
+        target = wanted if number * dt <= REACTION + dt / 2.0 else ZERO
+        if linear != target.linear:
+            linear = approach(linear, target.linear, limits.linear_acceleration, limits.linear_braking, dt=dt, dt_up=dt)
+        if angular != target.angular:
+            angular = approach(angular, target.angular, limits.angular_acceleration, limits.angular_braking, dt=dt, dt_up=dt)
+        ways[0, number] = linear * dt, angular * dt
+    return along(ways.cumsum(axis=1))[0], dt * np.arange(1, SLICES + 1, dtype=np.float64)
+
+
+def _seen_from(poses: Floats, points: Floats) -> Floats:
+    """Return (k, n, 2): points (n, 2) as they are seen from poses (k, 3)."""
+    cosine, sine = np.cos(poses[:, 2:3]), np.sin(poses[:, 2:3])
+    x, y = points[None, :, 0] - poses[:, 0:1], points[None, :, 1] - poses[:, 1:2]
+    return np.stack([cosine * x + sine * y, cosine * y - sine * x], axis=-1)
+
+
+def _within(points: Floats, reach: float) -> Floats:
+    chosen: Floats = points[(points**2).sum(axis=1) <= reach * reach]
+    return chosen

@@ -1,0 +1,127 @@
+"""Where a charging station stands, from one sweep of the laser: its known shape is fitted to the points about where it should be.
+
+Seen by a robot that comes to dock, a station is a flat front of known width that stands out before whatever is behind it. First many
+poses about the expected one are scored: points on the front speak for a pose, points that stick out before it, that went through it
+or that continue it beyond its edges speak against it. Then a straight line through the points on the front gives distance and
+heading (total least squares), and its two ends, halfway to the next beam, give the middle.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from robots.agent.navigation.obstacles.memory import into
+from robots.api.floorplan import Station
+from robots.api.geometry import Pose2D
+from robots.world.sensing import Beams, Floats
+
+ON_FRONT = 0.035  # metres from the line that count as on it
+OUT = 0.5  # points are looked at so far beyond either edge: metres
+LEAST_POINTS = 8
+LEAST_SHARE = 0.75  # of the front's width that must have been seen
+AGAINST = 1.0  # weight of a point that speaks against a pose
+GOES_ON, STRAY = 0.25, 2  # metres beyond the ends of a front in which no more points than this may continue it
+EDGE = 0.03  # metres by which the seen width may differ, beyond the distance of two beams
+
+
+@dataclass(frozen=True)
+class Window:
+    """How far about the expected pose a station is looked for: metres along, metres aside, radians; and the steps between."""
+
+    along: float
+    aside: float
+    turned: float
+    step: float = 0.04
+    turn_step: float = 0.05
+
+
+WIDE = Window(along=0.36, aside=0.4, turned=0.3)
+NARROW = Window(along=0.08, aside=0.08, turned=0.1)
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """The pose of the middle of a station's front in the robot's frame, looking as the docked robot does; `points` lie on it."""
+
+    front: Pose2D
+    points: int
+
+
+def find(beams: Beams, expected: Pose2D, station: Station, window: Window) -> Sighting | None:
+    """Return where the front of a station is, or None when nothing of its shape is there.
+
+    Args:
+        beams: one sweep.
+        expected: the pose of the middle of the front, in the robot's frame at the sweep.
+        station: its shape.
+        window: how far from there it may be.
+    """
+    points = beams.points()
+    reach = station.width / 2.0 + window.aside + window.along + OUT
+    points = points[np.hypot(points[:, 0] - expected.x, points[:, 1] - expected.y) <= reach]
+    if len(points) < LEAST_POINTS:
+        return None
+    return _refined(points, _best(points, expected, station, window), station)
+
+
+def _best(points: Floats, expected: Pose2D, station: Station, window: Window) -> Pose2D:
+    """Return the pose with the best score of a grid about the expected one."""
+    local = into(expected, points)
+    along, aside = (np.arange(-size, size + 1e-9, window.step) for size in (window.along, window.aside))
+    best, best_score = expected, -math.inf
+    for turned in np.arange(-window.turned, window.turned + 1e-9, window.turn_step):
+        cosine, sine = math.cos(turned), math.sin(turned)
+        u = cosine * local[:, 0] + sine * local[:, 1]
+        v = cosine * local[:, 1] - sine * local[:, 0]
+        scores = _scores(u, v, along, aside, station)
+        index = np.unravel_index(int(np.argmax(scores)), scores.shape)
+        score = float(scores[index]) - abs(float(turned))
+        if score > best_score:
+            x, y = float(along[index[0]]), float(aside[index[1]])
+            best = expected.compose(Pose2D(cosine * x - sine * y, sine * x + cosine * y, float(turned)))
+            best_score = score
+    return best
+
+
+def _scores(u: Floats, v: Floats, along: Floats, aside: Floats, station: Station) -> Floats:
+    """Return the scores (a, s) of fronts at `along` x `aside` for points that lie u ahead and v aside of the expected front."""
+    depth = u[None, :] - along[:, None]
+    off = np.abs(v[None, :] - aside[:, None]) - station.width / 2.0
+    on_line = (np.abs(depth) <= ON_FRONT).astype(np.float64)
+    sticks_out = ((depth < -ON_FRONT) & (depth > -OUT)).astype(np.float64)
+    through = (depth > ON_FRONT).astype(np.float64)
+    within = (off <= 0.0).astype(np.float64)
+    beyond = ((off > ON_FRONT) & (off <= OUT)).astype(np.float64)
+    speaks: Floats = (on_line - AGAINST * (sticks_out + through)) @ within.T - AGAINST * on_line @ beyond.T
+    return speaks
+
+
+def _goes_on(points: Floats, direction: Floats, normal: Floats, offset: float, ends: tuple[float, float]) -> bool:
+    """Tell whether a line of points goes on beyond its ends: a wall does, the front of a station does not."""
+    along, off = points @ direction, np.abs(points @ normal - offset)
+    beyond = (off <= ON_FRONT) & ((along < ends[0] - EDGE) | (along > ends[1] + EDGE)) & (along > ends[0] - GOES_ON) & (along < ends[1] + GOES_ON)
+    return int(beyond.sum()) > STRAY
+
+
+def _refined(points: Floats, rough: Pose2D, station: Station) -> Sighting | None:
+    """Return the rough pose, fitted to the points on its front; None when too little of the front is there."""
+    local = into(rough, points)
+    on_front = (np.abs(local[:, 0]) <= ON_FRONT) & (np.abs(local[:, 1]) <= station.width / 2.0 + ON_FRONT)
+    front = local[on_front]
+    if len(front) < LEAST_POINTS:
+        return None
+    centre = front.mean(axis=0)
+    direction = np.linalg.svd(front - centre, full_matrices=False)[2][0]
+    direction = direction if direction[1] > 0.0 else -direction
+    across = front @ direction
+    low, high = float(across.min()), float(across.max())
+    spacing = (high - low) / max(len(front) - 1, 1)
+    if high - low < LEAST_SHARE * station.width - spacing or high - low > station.width + EDGE + 2.0 * spacing:
+        return None
+    normal = np.array([direction[1], -direction[0]])
+    if _goes_on(local, direction, normal, float(centre @ normal), (low, high)):
+        return None
+    middle = direction * (low + high) / 2.0 + normal * float(centre @ normal)
+    turned = math.atan2(-direction[0], direction[1])
+    return Sighting(rough.compose(Pose2D(float(middle[0]), float(middle[1]), turned)), len(front))

@@ -1,0 +1,69 @@
+"""Why there is no way, in one sentence that names the door when it is one."""
+
+import math
+
+import numpy as np
+
+from robots.agent.navigation.obstacles.local_map import Surroundings
+from robots.agent.navigation.planning.planner import Planner
+from robots.api.floorplan import FloorPlan
+from robots.world.sensing import Floats
+
+AT_DOOR = 0.8  # metres
+WAYS = 4  # that are looked at
+ONE_THING = 0.8  # metres about a blocked point that count as blocked for the same reason
+
+
+def what_blocks(
+    surroundings: Surroundings, planner: Planner, plan: FloorPlan | None, *, way: tuple[tuple[float, float], tuple[float, float]], now: float
+) -> str:
+    """Return why no way leads now from the one point of `way` to the other."""
+    start, goal = way
+    costmap = surroundings.costmap
+    clearance = surroundings.clearance(now)
+    if planner.place_near(*start, clearance, 0.6) is None:
+        return "the robot is boxed in: it has no room to move"
+    usual = planner.plan(start, goal, costmap.clearance)
+    if usual is None:
+        return "no way leads to the goal on the map"
+    if float(costmap.sample(clearance, np.array([goal]))[0]) < costmap.least:
+        return "something stands on the goal"
+    found = list(dict.fromkeys(_at(surroundings, plan, spot, now) for spot in _spots(surroundings, planner, way, clearance)))
+    return f"blocked: {_and(found)}" if found else "the way is too narrow for the robot"
+
+
+def _spots(surroundings: Surroundings, planner: Planner, way: tuple[tuple[float, float], tuple[float, float]], clearance: Floats) -> list[Floats]:
+    """Return the points (2,) at which the ways of the map are blocked: that of the usual one, that of the next best, and so on."""
+    costmap, spots, known = surroundings.costmap, list[Floats](), np.zeros(surroundings.costmap.shape, dtype=np.bool_)
+    for _ in range(WAYS):
+        path = planner.plan(*way, costmap.clearance_with(known))
+        if path is None:
+            break
+        tight = path.points[costmap.sample(clearance, path.points) < costmap.least]
+        if len(tight) == 0:
+            break
+        spots.append(tight[0])
+        rows, columns = np.nonzero(clearance <= 0.0)
+        centres = costmap.centres(rows, columns)
+        near = np.hypot(centres[:, 0] - tight[0, 0], centres[:, 1] - tight[0, 1]) <= ONE_THING
+        known[rows[near], columns[near]] = True
+    return spots
+
+
+def _at(surroundings: Surroundings, plan: FloorPlan | None, spot: Floats, now: float) -> str:
+    """Return what is in the way at a point (2,)."""
+    x, y = float(spot[0]), float(spot[1])
+    closed = surroundings.doors.closed(now)
+    door = next((door for door in (plan.doors if plan else ()) if _distance(door.start, door.end, x, y) <= AT_DOOR), None)
+    if door:
+        return f"{door.title} is closed" if door in closed else f"something stands in the doorway ({door.title})"
+    room = plan.room_at(x, y) if plan else None
+    return f"something stands in the way at ({x:.1f}, {y:.1f})" + (f" in {room.title}" if room else "")
+
+
+def _distance(start: tuple[float, float], end: tuple[float, float], x: float, y: float) -> float:
+    return math.dist(((start[0] + end[0]) / 2.0, (start[1] + end[1]) / 2.0), (x, y))
+
+
+def _and(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]

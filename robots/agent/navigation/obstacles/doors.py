@@ -1,0 +1,84 @@
+"""Which doors of a plan are closed, as far as the laser has seen.
+
+A beam that would cross a doorway on its way and ends in it has met the leaf; one that goes on well behind it went through. Beams
+that end before it, or that only graze it, tell nothing. A door that was seen closed stays so until it is seen open, or is worth
+another look after `MEMORY` seconds.
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from robots.agent.navigation.planning.path import resampled
+from robots.api.floorplan import Door, FloorPlan
+from robots.api.geometry import Pose2D, wrap_angle
+from robots.world.raycaster import cast
+from robots.world.sensing import Beams, Floats
+
+MEMORY = 120.0  # seconds
+NEAR = 4.0  # how far off a doorway may be to be judged: metres
+IN_LINE = 0.15  # how far from the leaf's line a beam may end to have met it: metres
+BEHIND = 0.3  # how far behind it a beam must end to have gone through: metres
+MIDDLE = 0.15  # share of the doorway left out at either side: frames and open leaves stand there
+GRAZING = 0.3  # least sine of the angle between beam and leaf
+VOTES = 4
+SEEN_BESIDE = 1e-6  # radians that a beam may look past the end of a leaf to be asked at all
+
+
+class DoorWatch:
+    """What is known about the doors of a plan."""
+
+    def __init__(self, plan: FloorPlan | None) -> None:
+        self.doors: tuple[Door, ...] = plan.doors if plan else ()
+        self._seen_closed: dict[str, float] = {}
+
+    def look(self, laser: Pose2D, beams: Beams, now: float) -> None:
+        """Take a sweep; `laser` is the pose of the laser in the map."""
+        for door in self.doors:
+            middle = ((door.start[0] + door.end[0]) / 2.0, (door.start[1] + door.end[1]) / 2.0)
+            if math.dist(middle, (laser.x, laser.y)) <= NEAR:
+                self._judge(door, laser, beams, now)
+
+    def closed(self, now: float) -> tuple[Door, ...]:
+        """Return the doors that count as closed."""
+        return tuple(door for door in self.doors if now - self._seen_closed.get(door.name, -math.inf) <= MEMORY)
+
+    def leaves(self, now: float) -> Floats:
+        """Return points (n, 2) along the leaves of the doors that count as closed."""
+        lines = [resampled(np.array([door.start, door.end])) for door in self.closed(now)]
+        return np.vstack(lines) if lines else np.zeros((0, 2))
+
+    def forget(self) -> None:
+        """Take every door for open again."""
+        self._seen_closed.clear()
+
+    def _judge(self, door: Door, laser: Pose2D, beams: Beams, now: float) -> None:
+        closed, opened = votes(door, laser, beams)
+        if closed >= VOTES and closed > 2 * opened:
+            self._seen_closed[door.name] = now
+        elif opened >= VOTES and opened > 2 * closed:
+            self._seen_closed.pop(door.name, None)
+
+
+def votes(door: Door, laser: Pose2D, beams: Beams) -> tuple[int, int]:
+    """Return how many beams of a sweep met the leaf of a door in its frame, and how many went through the doorway."""
+    (x0, y0), (x1, y1) = door.start, door.end
+    width, height = x1 - x0, y1 - y0
+    leaf = np.array([[x0 + MIDDLE * width, y0 + MIDDLE * height, x1 - MIDDLE * width, y1 - MIDDLE * height]])
+    towards = _towards(leaf[0], laser, beams)
+    if len(towards) == 0:
+        return 0, 0
+    directions = laser.theta + beams.angles[towards]
+    reach, met = cast(leaf, laser.x, laser.y, directions)
+    crossing = (met >= 0) & (reach <= NEAR) & (np.abs(np.sin(directions - math.atan2(height, width))) >= GRAZING)
+    ranges = np.minimum(beams.ranges[towards[crossing]], beams.range_max)
+    return int((np.abs(ranges - reach[crossing]) <= IN_LINE).sum()), int((ranges > reach[crossing] + BEHIND).sum())
+
+
+def _towards(leaf: Floats, laser: Pose2D, beams: Beams) -> npt.NDArray[np.intp]:
+    """Return the numbers of the beams that look between the two ends of a leaf (4,), seen from the laser."""
+    first = math.atan2(leaf[1] - laser.y, leaf[0] - laser.x)
+    opening = wrap_angle(math.atan2(leaf[3] - laser.y, leaf[2] - laser.x) - first)
+    turned = (beams.angles + (laser.theta - first - opening / 2.0) + math.pi) % math.tau - math.pi
+    return np.flatnonzero(np.abs(turned) <= abs(opening) / 2.0 + SEEN_BESIDE)

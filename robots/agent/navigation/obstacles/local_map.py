@@ -1,0 +1,191 @@
+"""What stands about the robot that is not on the map: things, people, closed doors; marked where the laser met them.
+
+A cell of the map is marked while something is seen in it, and free again when the laser looks through it. Out of sight, what stood
+there for long is remembered for long, and what was passing by is soon forgotten. What has not stood still for `SETTLED` seconds may
+be somebody who walks.
+"""
+
+import numpy as np
+
+from robots.agent.navigation.obstacles.doors import DoorWatch
+from robots.agent.navigation.obstacles.memory import into, out_of, sees
+from robots.agent.navigation.planning.costmap import Bools, Cells, CostMap
+from robots.api.floorplan import FloorPlan
+from robots.api.geometry import Pose2D
+from robots.world.sensing import Beams, Floats
+from robots.world.solids import leaf_end
+
+ON_MAP = 0.2  # what is seen so close to something of the map is that thing: metres
+MARKED = 4.0  # how far off the laser is trusted to mark a cell: metres
+SEEN_THROUGH = 0.15  # how far before the end of a beam its way counts as free: metres
+SPACING = 0.05
+AROUND = np.indices((3, 3)).reshape(2, 9, 1) - 1  # rows and columns of a cell and its neighbours
+NEVER = -1e12  # seconds
+SURE = 2.0  # what was marked from farther off is worth a closer look before a way is given up: metres
+NOTED = 0.8  # what is so near may be what holds the robot: metres
+SETTLED = 10.0  # seconds after which what stands still is a thing
+FLICKER = 1.0  # a mark that comes back within this time was never away: seconds
+BRIEFLY, AT_LONGEST, BY_AGE = 5.0, 60.0, 10.0  # how long marks are kept out of sight: seconds, and seconds a second of standing there
+
+
+class Surroundings:
+    """The map of `costmap` with what was seen lately."""
+
+    def __init__(self, costmap: CostMap, plan: FloorPlan | None) -> None:
+        self.costmap = costmap
+        self.doors = DoorWatch(plan)
+        self._there = np.zeros(costmap.shape, dtype=np.bool_)
+        self._first = np.full(costmap.shape, NEVER)
+        self._last = np.full(costmap.shape, NEVER)
+        self._asked: tuple[Pose2D, Floats, Floats, tuple[Cells, Cells, Bools]] | None = None
+        self._known: tuple[Bools, Floats] | None = None
+        self._leaves = [np.array([door.start, leaf_end(door, "open")]) for door in (plan.doors if plan else ())]
+
+    def forget(self) -> None:
+        """Forget everything that is not on the map."""
+        self._there[:] = False
+        self._first[:] = self._last[:] = NEVER
+        self.doors.forget()
+
+    def look(self, robot: Pose2D, beams: Beams, now: float) -> None:
+        """Take a sweep that was measured at `robot`, the pose in the map."""
+        if not sees(beams):
+            return
+        laser = robot.compose(beams.mount)
+        self.doors.look(laser, beams, now)
+        self._clear(laser, beams)
+        hits, (rows, columns, inside) = self._cells(robot, beams.points())
+        which = np.flatnonzero(inside & (self.costmap.clearance[rows, columns] > ON_MAP))
+        which = which[np.hypot(hits[which, 0] - laser.x, hits[which, 1] - laser.y) <= MARKED]
+        self._mark(rows[which], columns[which], now)
+
+    def note(self, robot: Pose2D, points: Floats, now: float) -> None:
+        """Mark points (n, 2) in the robot's frame that keep it from moving and may be remembered from longer ago."""
+        close = points[np.hypot(points[:, 0], points[:, 1]) <= NOTED]
+        rows, columns, inside = self.costmap.cells(out_of(robot, close))
+        which = inside & (self.costmap.clearance[rows, columns] > ON_MAP / 2.0)
+        self._mark(rows[which], columns[which], now)
+
+    def live(self, now: float) -> Bools:
+        """Return (h, w), True where something stands that is not on the map."""
+        live = np.zeros(self.costmap.shape, dtype=np.bool_)
+        rows, columns = self._live_cells(now)
+        live[rows, columns] = True
+        return live
+
+    def _live_cells(self, now: float) -> tuple[Cells, Cells]:
+        """Return rows and columns of the same, some perhaps more than once."""
+        there = np.flatnonzero(self._there)
+        first, last = self._first.ravel()[there], self._last.ravel()[there]
+        kept = np.minimum(np.maximum(BRIEFLY + BY_AGE * (last - first), BRIEFLY), AT_LONGEST)
+        rows, columns = np.divmod(there[now - last <= kept], self.costmap.shape[1])
+        leaf_rows, leaf_columns, inside = self.costmap.cells(self.doors.leaves(now))
+        return np.concatenate([rows, leaf_rows[inside]]), np.concatenate([columns, leaf_columns[inside]])
+
+    def clearance(self, now: float) -> Floats:
+        """Return (h, w) the distance in metres to the nearest thing, on the map or not."""
+        return self._clearance_with(self.live(now))
+
+    def room_at(self, points: Floats, now: float) -> Floats:
+        """Return `clearance` (n,) at points (n, 2) of the map: much sooner than all of it, for a few points."""
+        rows, columns, inside = self.costmap.cells(points)
+        room: Floats = np.where(inside, self.costmap.clearance[rows, columns], 0.0)
+        down, right = self._live_cells(now)
+        if len(down) == 0:
+            return room
+        nearest = ((rows[:, None] - down) ** 2 + (columns[:, None] - right) ** 2).min(axis=1)
+        resolution = self.costmap.transform.resolution
+        beside: Floats = np.maximum(np.sqrt(nearest) * resolution - resolution / 2.0, 0.0)
+        return np.minimum(room, beside)
+
+    def _clearance_with(self, live: Bools) -> Floats:
+        """Return the clearance with live cells; the last answer is kept, because often nothing has changed."""
+        if self._known is None or not np.array_equal(self._known[0], live):
+            self._known = live, self.costmap.clearance_with(live)
+        return self._known[1]
+
+    def clearance_nearby(self, robot: Pose2D, now: float) -> Floats:
+        """Return the same, but leave out what was marked farther off than `SURE`, and is no closed door."""
+        live = self.live(now)
+        rows, columns = np.nonzero(live)
+        spots = self.costmap.centres(rows, columns)
+        far = np.hypot(spots[:, 0] - robot.x, spots[:, 1] - robot.y) > SURE
+        live[rows[far], columns[far]] = False
+        leaves, across, inside = self.costmap.cells(self.doors.leaves(now))
+        live[leaves[inside], across[inside]] = True
+        return self._clearance_with(live)
+
+    def strange(self, robot: Pose2D, points: Floats, now: float) -> Bools:
+        """Tell for points (n, 2) in the robot's frame which are of nothing on the map, nor of a door."""
+        seen, (rows, columns, inside) = self._cells(robot, points)
+        result: Bools = inside & (self.costmap.clearance[rows, columns] > ON_MAP)
+        which = np.flatnonzero(result)
+        if len(which):
+            result[which[self._leaf(seen[which], now)]] = False
+        return result
+
+    def _cells(self, robot: Pose2D, points: Floats) -> tuple[Floats, tuple[Cells, Cells, Bools]]:
+        """Return points (n, 2) in the robot's frame as points of the map, and their cells; the last answer is kept for who asks again."""
+        asked = self._asked
+        if asked is None or asked[0] != robot or asked[1] is not points:
+            seen = out_of(robot, points)
+            self._asked = asked = robot, points, seen, self.costmap.cells(seen)
+        return asked[2], asked[3]
+
+    def settled(self, robot: Pose2D, points: Floats, now: float) -> Bools:
+        """Tell for points (n, 2) in the robot's frame where something has stood still for long, there or in the next cell."""
+        rows, columns, _ = self.costmap.cells(out_of(robot, points))
+        high, wide = self.costmap.shape
+        down, right = np.minimum(np.maximum(rows + AROUND[0], 0), high - 1), np.minimum(np.maximum(columns + AROUND[1], 0), wide - 1)
+        result: Bools = (self._there[down, right] & (now - self._first[down, right] >= SETTLED)).any(axis=0)
+        return result
+
+    def _leaf(self, points: Floats, now: float) -> Bools:
+        """Tell for points (n, 2) of the map whether they lie on the leaf of a door, open or closed."""
+        if not self._leaves:
+            return np.zeros(len(points), dtype=np.bool_)
+        closed = {door.name for door in self.doors.closed(now)}
+        doors = zip(self.doors.doors, self._leaves, strict=True)
+        lines = np.array([[door.start, door.end] if door.name in closed else leaf for door, leaf in doors])
+        result: Bools = np.logical_or.reduce(_beside(points, lines) <= ON_MAP, axis=0)
+        return result
+
+    def _clear(self, laser: Pose2D, beams: Beams) -> None:
+        """Free the cells that a beam passes; the few that are marked are asked, not the many that the beams cross."""
+        rows, columns = np.nonzero(self._there)
+        if len(rows) == 0:
+            return
+        seen = into(laser, self.costmap.centres(rows, columns))
+        distances = np.hypot(seen[:, 0], seen[:, 1])
+        bearings = (np.sign(beams.angle_increment) * (np.arctan2(seen[:, 1], seen[:, 0]) - beams.angle_min)) % (2.0 * np.pi)
+        half = self.costmap.transform.resolution / 2.0 / np.maximum(distances, SPACING)  # of the angle under which a cell is seen
+        step, last = abs(beams.angle_increment), len(beams.ranges) - 1
+        index = np.rint(bearings / step).astype(np.intp)
+        free = np.minimum(np.minimum(beams.ranges, beams.range_max) - SEEN_THROUGH, MARKED)
+        passed = np.zeros(len(rows), dtype=np.bool_)
+        for beside in (0, -1, 1):
+            beam = index + beside
+            met = (beam >= 0) & (beam <= last) & (np.abs(beam * step - bearings) <= np.maximum(half, step / 2.0))
+            passed |= met & (free[np.minimum(np.maximum(beam, 0), last)] > distances)
+        self._there[rows[passed], columns[passed]] = False
+
+    def _mark(self, rows: Cells, columns: Cells, now: float) -> None:
+        new = now - self._last[rows, columns] > FLICKER
+        self._first[rows[new], columns[new]] = now
+        self._last[rows, columns] = now
+        self._there[rows, columns] = True
+
+
+def moved(points: Floats, before: Pose2D, after: Pose2D) -> Floats:
+    """Return points (n, 2), seen from `before`, as they are seen from `after`; both poses in one frame."""
+    return into(after, out_of(before, points))
+
+
+def _beside(points: Floats, lines: Floats) -> Floats:
+    """Return the distances (m, n) of points (n, 2) to segments (m, 2, 2)."""
+    along = lines[:, 1] - lines[:, 0]
+    dx, dy = points[:, 0] - lines[:, 0, :1], points[:, 1] - lines[:, 0, 1:]
+    ax, ay = along[:, :1], along[:, 1:]
+    share = np.minimum(np.maximum((dx * ax + dy * ay) / (ax * ax + ay * ay), 0.0), 1.0)
+    distances: Floats = np.hypot(dx - share * ax, dy - share * ay)
+    return distances

@@ -1,0 +1,114 @@
+"""Where a robot may be, and what it costs to be there: a map seen with the eyes of one footprint.
+
+The clearance of a cell is the distance from its centre to the nearest thing. A robot's centre can never stand where the clearance
+is smaller than the footprint's inscribed radius; beyond that it becomes cheaper with more room, until there is plenty.
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import distance_transform_edt
+
+from robots.api.geometry import MapTransform
+from robots.world.grid import OccupancyGrid
+from robots.world.sensing import Floats
+
+Bools = npt.NDArray[np.bool_]
+Cells = npt.NDArray[np.intp]
+
+RESOLUTION = 0.05  # finer maps are coarsened to this: metres
+SPARE = 0.02  # kept beyond the inscribed radius, half the error of a cell: metres
+PLENTY = 0.3  # room beyond the circumscribed radius from which more is of no use: metres
+NARROW = 3.0  # how many times dearer the narrowest place is than the open floor
+
+
+class NoWayError(ValueError):
+    """There is no way, or no place to go to; the message is one sentence for whoever sent the robot."""
+
+
+class CostMap:
+    """A map for one footprint, (n, 2) in the robot's frame.
+
+    Attributes:
+        clearance: (h, w) metres to the nearest thing of the map, 0 inside of things and where the map knows nothing.
+        inscribed: the least distance from the robot's centre to the edge of its footprint, metres.
+        circumscribed: the largest.
+    """
+
+    def __init__(self, grid: OccupancyGrid, footprint: Floats) -> None:
+        self.free, self.transform = _coarsened(grid)
+        self.footprint = np.asarray(footprint, dtype=np.float64)
+        self.inscribed, self.circumscribed = _radii(self.footprint)
+        self.clearance = room(self.free, self.transform.resolution)
+        self.least = self.inscribed + SPARE
+        if not (self.clearance >= self.least).any():
+            raise NoWayError("the map has no free space in which the robot could stand")
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.free.shape[0], self.free.shape[1]
+
+    def cells(self, points: Floats) -> tuple[Cells, Cells, Bools]:
+        """Return rows, columns (clipped to the map) and whether they lie in the map, of (n, 2) points in metres."""
+        origin, resolution = self.transform.origin, self.transform.resolution
+        x, y = points[:, 0] - origin.x, points[:, 1] - origin.y
+        cosine, sine = math.cos(origin.theta) / resolution, math.sin(origin.theta) / resolution
+        columns = np.floor(cosine * x + sine * y).astype(np.intp)
+        rows = np.floor(self.transform.height + sine * x - cosine * y).astype(np.intp)
+        high, wide = self.shape
+        inside = (rows >= 0) & (rows < high) & (columns >= 0) & (columns < wide)
+        if inside.all():
+            return rows, columns, inside
+        return np.minimum(np.maximum(rows, 0), high - 1), np.minimum(np.maximum(columns, 0), wide - 1), inside
+
+    def centres(self, rows: Cells, columns: Cells) -> Floats:
+        """Return (n, 2) the centres of cells in metres."""
+        origin, resolution = self.transform.origin, self.transform.resolution
+        right, up = (columns + 0.5) * resolution, (self.transform.height - rows - 0.5) * resolution
+        cosine, sine = math.cos(origin.theta), math.sin(origin.theta)
+        return np.column_stack([origin.x + cosine * right - sine * up, origin.y + sine * right + cosine * up])
+
+    def sample(self, layer: Floats, points: Floats) -> Floats:
+        """Return the values (n,) of a layer (h, w) at points (n, 2); 0 outside of the map."""
+        rows, columns, inside = self.cells(points)
+        values: Floats = np.where(inside, layer[rows, columns], 0.0)
+        return values
+
+    def clearance_with(self, live: Bools) -> Floats:
+        """Return the clearance (h, w) when `live` cells are occupied too."""
+        return np.minimum(self.clearance, room(~live, self.transform.resolution)) if live.any() else self.clearance
+
+    def cost(self, clearance: Floats) -> Floats:
+        """Return (h, w) what a metre costs in each cell, 1 with plenty of room, `inf` where the robot cannot be."""
+        plenty = self.circumscribed + PLENTY
+        tightness = np.clip((plenty - clearance) / (plenty - self.least), 0.0, 1.0)
+        return np.where(clearance >= self.least, 1.0 + NARROW * tightness**2, math.inf)
+
+
+def room(free: Bools, resolution: float) -> Floats:
+    """Return (h, w) the distance in metres from the centre of each cell to the nearest cell that is not free, less half a cell."""
+    distance: Floats = np.asarray(distance_transform_edt(np.pad(free, 1)))[1:-1, 1:-1] * resolution
+    return np.maximum(distance - resolution / 2.0, 0.0)
+
+
+def _coarsened(grid: OccupancyGrid) -> tuple[Bools, MapTransform]:
+    """Return what is free, and where it lies, in cells of about `RESOLUTION`; a cell is free when all of it is."""
+    free = grid.free()
+    factor = max(1, round(RESOLUTION / grid.transform.resolution))
+    if factor == 1:
+        return free, grid.transform
+    high, wide = (math.ceil(side / factor) for side in free.shape)
+    padded = np.zeros((high * factor, wide * factor), dtype=np.bool_)
+    padded[high * factor - free.shape[0] :, : free.shape[1]] = free  # the origin is the lower left corner
+    blocks: Bools = padded.reshape(high, factor, wide, factor).min(axis=(1, 3))
+    return blocks, MapTransform(grid.transform.resolution * factor, grid.transform.origin, high)
+
+
+def _radii(footprint: Floats) -> tuple[float, float]:
+    """Return the inscribed and the circumscribed radius of a convex polygon about the origin."""
+    after = np.roll(footprint, -1, axis=0)
+    across = footprint[:, 0] * after[:, 1] - footprint[:, 1] * after[:, 0]
+    sides = np.hypot(*(after - footprint).T)
+    return float((np.abs(across) / sides).min()), float(np.hypot(footprint[:, 0], footprint[:, 1]).max())

@@ -1,0 +1,134 @@
+"""Driving along a path: pursuit of a point some way ahead, turning on the spot where that is better, slower where it is narrow.
+
+Pure pursuit (Coulter, "Implementation of the Pure Pursuit Path Tracking Algorithm", CMU-RI-TR-92-01): the arc to a point at distance
+L and bearing a has the curvature 2 sin a / L. What the base is asked for passes `BrakeCheck` first.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from robots.agent.navigation.assistance.braking import BrakeCheck, Checked, Hazards
+from robots.agent.navigation.planning.path import Path
+from robots.agent.safety.ramp import ZERO
+from robots.api.geometry import Pose2D, wrap_angle
+from robots.api.messages import Limits, Velocity
+
+AHEAD, AHEAD_A_SPEED = 0.32, 0.5  # the point pursued: metres, and metres more for each m/s
+PREVIEW = 0.7  # bends are slowed down for so far ahead: metres
+TURN_FROM, TURN_TO = 0.9, 0.12  # bearing at which to turn on the spot, and at which that is done: radians
+LATERAL_USE = 0.6  # share of the turning speed that bends may use up
+EASING = 0.25  # deceleration towards the end: m/s²
+TURN_EASING = 0.6  # the same for turns on the spot: rad/s²
+SLOWEST_TURN = 0.1  # rad/s
+LAST_BIT = 0.04  # m/s with which the end is reached
+NARROW_SPEED, NARROW_GAIN = 0.12, 0.9  # m/s with no room at all, and m/s more for each metre of it
+ARRIVED, NEARLY, DRIFTED = 0.06, 0.15, 0.25  # metres from the end
+HEADING = 0.04  # radians from the heading wanted
+BACK_AND_FORTH = 2.5  # radians beyond which a turn keeps its side
+SETTLED = 0.06  # m/s or rad/s that count as standing
+
+State = Literal["driving", "held", "arrived"]
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What to ask of the base; `held` when something keeps it from moving: `why` is "thing" or "walker"."""
+
+    velocity: Velocity
+    state: State
+    why: str = ""
+
+
+class Follower:
+    """A base with limits, and the path it is on."""
+
+    def __init__(self, check: BrakeCheck, limits: Limits) -> None:
+        self.check, self.limits = check, limits
+        self.path = Path(np.zeros((1, 2)))
+        self.way = 0.0
+        self._heading: float | None = None
+        self._side = 0.0  # of the turn on the spot that is going on, 0 without one
+        self._long_way = False  # the near side is blocked
+        self._at_end = False
+
+    def take(self, path: Path, heading: float | None) -> None:
+        """Follow a path from its start and end with a heading, or with any."""
+        self.path, self.way, self._heading = path, 0.0, heading
+        self._at_end, self._side, self._long_way = False, 0.0, False
+
+    @property
+    def remaining(self) -> float:
+        """The way left in metres."""
+        return self.path.length - self.way
+
+    def off_path(self, pose: Pose2D) -> float:
+        """Return how far in metres the robot is from where it should be on the path."""
+        return math.dist(self.path.at(self.way), (pose.x, pose.y))
+
+    def step(self, pose: Pose2D, velocity: Velocity, hazards: Hazards) -> Followed:
+        """Return what to ask of the base at `pose` on the map, moving with `velocity`."""
+        self.way = self.path.nearest(pose.x, pose.y, self.way - 0.2, self.way + 0.6)
+        left = math.dist(self.path.end, (pose.x, pose.y))
+        if left <= ARRIVED or (self.remaining < ARRIVED and left <= NEARLY):
+            self._at_end = True
+        if self._at_end and left <= DRIFTED:
+            return self._finish(pose, velocity, hazards)
+        self._at_end = False
+        return self._pursue(pose, velocity, hazards, left)
+
+    def turn(self, error: float, velocity: Velocity, hazards: Hazards, tolerance: float) -> Followed:
+        """Turn on the spot by `error` radians; arrived within `tolerance`. Where the near side is blocked, the long way round is tried."""
+        if abs(error) <= tolerance:
+            self._side, self._long_way = 0.0, False
+            return Followed(ZERO, "arrived" if abs(velocity.angular) <= SETTLED else "driving")
+        keeps = self._side != 0.0 and (self._long_way or abs(error) > BACK_AND_FORTH)
+        self._side = self._side if keeps else math.copysign(1.0, error)
+        done = self._turned(self._side, error, velocity, hazards)
+        if done.velocity == ZERO and done.why == "thing" and not self._long_way and abs(error) > 2.0 * tolerance:
+            self._side, self._long_way = -self._side, True
+            done = self._turned(self._side, error, velocity, hazards)
+        return Followed(done.velocity, "held" if done.velocity == ZERO else "driving", done.why)
+
+    def _turned(self, side: float, error: float, velocity: Velocity, hazards: Hazards) -> Checked:
+        left = error * side if error * side > 0.0 else math.tau - abs(error)
+        speed = min(self.limits.angular, max(SLOWEST_TURN, math.sqrt(2.0 * TURN_EASING * left) - 0.1))
+        return self.check.fastest(velocity, Velocity(linear=0.0, angular=side * speed), hazards)
+
+    def _finish(self, pose: Pose2D, velocity: Velocity, hazards: Hazards) -> Followed:
+        if self._heading is None:
+            standing = abs(velocity.linear) <= SETTLED and abs(velocity.angular) <= SETTLED
+            return Followed(ZERO, "arrived" if standing else "driving")
+        return self.turn(wrap_angle(self._heading - pose.theta), velocity, hazards, HEADING)
+
+    def _pursue(self, pose: Pose2D, velocity: Velocity, hazards: Hazards, left: float) -> Followed:
+        ahead = AHEAD + AHEAD_A_SPEED * max(0.0, velocity.linear)
+        x, y = self.path.at(self.way + ahead)
+        distance = max(math.dist((x, y), (pose.x, pose.y)), 0.05)
+        bearing = wrap_angle(math.atan2(y - pose.y, x - pose.x) - pose.theta)
+        if self._side or abs(bearing) > (TURN_FROM if left > AHEAD else TURN_FROM / 2.0):
+            turned = self.turn(bearing, velocity, hazards, TURN_TO)
+            if turned.state != "arrived":
+                return turned
+        wanted = self._wanted(bearing, 2.0 * math.sin(bearing) / max(distance, 0.15), velocity, hazards)
+        done = self.check.fastest(velocity, wanted, hazards)
+        if done.velocity == ZERO and done.why == "thing" and abs(bearing) > TURN_TO:
+            return self.turn(bearing, velocity, hazards, TURN_TO)
+        return Followed(done.velocity, "held" if done.velocity == ZERO else "driving", done.why)
+
+    def _wanted(self, bearing: float, curvature: float, velocity: Velocity, hazards: Hazards) -> Velocity:
+        bend = max(abs(curvature), 0.7 * self.path.sharpest_bend(self.way, self.way + PREVIEW))
+        gaps = np.concatenate([self.check.gaps(hazards.things), self.check.gaps(hazards.strangers)])
+        room = max(0.0, float(gaps.min())) if len(gaps) else 1.0
+        speed = min(
+            self.limits.linear,
+            math.sqrt(2.0 * EASING * max(0.0, self.remaining - ARRIVED / 2.0)) + LAST_BIT,
+            LATERAL_USE * self.limits.angular / max(bend, 1e-6),
+            NARROW_SPEED + NARROW_GAIN * room,
+            self.limits.linear * max(0.15, 1.0 - abs(bearing)),
+        )
+        rolling = min(max(velocity.linear, 0.08), speed)
+        angular = min(max(rolling * curvature, -self.limits.angular), self.limits.angular)
+        return Velocity(linear=speed, angular=angular)

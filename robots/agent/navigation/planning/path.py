@@ -1,0 +1,71 @@
+"""A line to drive along, measured by the way from its start."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robots.world.sensing import Floats
+
+SPACING = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """Points (n, 2) in metres, n >= 1, and the way (n,) from the first to each."""
+
+    points: Floats
+    way: Floats = field(init=False)
+
+    def __post_init__(self) -> None:
+        steps = np.hypot(*np.diff(self.points, axis=0).T)
+        object.__setattr__(self, "way", np.concatenate([[0.0], np.cumsum(steps)]))
+
+    @property
+    def length(self) -> float:
+        """The whole way in metres."""
+        return float(self.way[-1])
+
+    @property
+    def end(self) -> tuple[float, float]:
+        """The last point."""
+        return float(self.points[-1, 0]), float(self.points[-1, 1])
+
+    def at(self, way: float) -> tuple[float, float]:
+        """Return the point `way` metres from the start; before it the first, behind the end the last."""
+        return float(np.interp(way, self.way, self.points[:, 0])), float(np.interp(way, self.way, self.points[:, 1]))
+
+    def nearest(self, x: float, y: float, start: float, stop: float) -> float:
+        """Return the way, between `start` and `stop`, of the point of the line nearest to (x, y)."""
+        here = (self.way >= start - SPACING) & (self.way <= stop + SPACING)
+        if not here.any():
+            return min(max(start, 0.0), self.length)
+        index = np.flatnonzero(here)
+        distances = (self.points[index, 0] - x) ** 2 + (self.points[index, 1] - y) ** 2
+        return float(self.way[index[int(np.argmin(distances))]])
+
+    def between(self, start: float, stop: float) -> Floats:
+        """Return the points (m, 2) whose way lies between two ways; at least the end."""
+        chosen: Floats = self.points[(self.way >= start) & (self.way <= stop)]
+        return chosen if len(chosen) else self.points[-1:]
+
+    def sharpest_bend(self, start: float, stop: float) -> float:
+        """Return the largest curvature in 1/m between two ways, from the turn over a quarter of a metre."""
+        ways = np.arange(start, min(stop, self.length - 0.125), SPACING)
+        if len(ways) == 0:
+            return 0.0
+        spots = [np.column_stack([np.interp(ways + off, self.way, self.points[:, axis]) for axis in (0, 1)]) for off in (-0.125, 0.0, 0.125)]
+        before, behind = spots[1] - spots[0], spots[2] - spots[1]
+        across = before[:, 0] * behind[:, 1] - before[:, 1] * behind[:, 0]
+        along = (before * behind).sum(axis=1)
+        return float(np.abs(np.arctan2(across, along)).max() / 0.125)
+
+
+def resampled(points: Floats, spacing: float = SPACING) -> Floats:
+    """Return the same line with a point about every `spacing` metres, first and last kept, doubles left out."""
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    kept: Floats = points[np.concatenate([[True], steps > 1e-9])]  # noqa: PLR2004 -- the same point twice
+    if len(kept) == 1:
+        return kept
+    path = Path(kept)
+    ways = np.linspace(0.0, path.length, max(2, round(path.length / spacing) + 1))
+    return np.column_stack([np.interp(ways, path.way, kept[:, 0]), np.interp(ways, path.way, kept[:, 1])])

@@ -1,0 +1,54 @@
+"""What navigation is told at each step, and what it answers."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from robots.agent.navigation.assistance.braking import Hazards
+from robots.agent.safety.ramp import ZERO
+from robots.api.geometry import Pose2D
+from robots.api.messages import Velocity
+from robots.world.sensing import Beams, Floats
+
+Status = Literal["RUNNING", "FINISHED", "FAILED"]
+NOWHERE: Floats = np.zeros((0, 2))
+
+
+@dataclass(frozen=True, eq=False)
+class Sense:
+    """One moment: `pose` in the map, `odometry` in its own frame, both now; `beams` were measured at `beams_from`, an odometry pose."""
+
+    now: float
+    pose: Pose2D
+    odometry: Pose2D
+    velocity: Velocity
+    hazards: Hazards
+    beams: Beams
+    beams_from: Pose2D
+    charger_contact: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """What to do now and how the task stands.
+
+    `velocity` is for the base, None for silence once the robot stands; `reason` one sentence, also for what a running task waits for;
+    `path` (n, 2) is the way ahead in map metres; `progress` runs from 0 to 1.
+    """
+
+    velocity: Velocity | None
+    status: Status
+    reason: str = ""
+    path: Floats = field(default_factory=lambda: NOWHERE)
+    progress: float = 0.0
+
+
+def failed(reason: str) -> Step:
+    """Return the end of a task that could not be done, standing."""
+    return Step(ZERO, "FAILED", reason)
+
+
+def finished(reason: str = "") -> Step:
+    """Return the end of a task that was done, standing."""
+    return Step(ZERO, "FINISHED", reason, progress=1.0)

@@ -1,0 +1,292 @@
+"""What tells the collision monitor about obstacles: one class for each kind of sensor, chosen by what the adapter's profile names.
+
+Each keeps what it was told in the frame of the odometry, which is smooth, and gives it back as points about the robot. Each has a silence
+after which it counts as lost, and says what its loss means. Where no source looks, a driver who is helped creeps.
+
+| source | silence | its loss | looks |
+|---|---|---|---|
+| laser | 0.5 s | the robot stands | everywhere: it remembers what went out of its sight |
+| depth points | 0.5 s | the robot stands | ahead, or where its camera looks |
+| sonar | 1.0 s | the robot stands | where the cones are |
+| bumper | 0.5 s | the robot creeps | nowhere: it only feels |
+"""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import Literal, Protocol
+
+import numpy as np
+
+from robots.agent.autonomy.sensor_snapshot import beams_of
+from robots.agent.localization.odometry import Track
+from robots.agent.navigation.assistance.swept import Hull, hull
+from robots.agent.navigation.obstacles.memory import SAME_BEARING, MemorySettings, ObstacleMemory, into, out_of
+from robots.agent.robot_interface import DepthCamera, Profile, RcaState, Sonar
+from robots.api.geometry import Pose2D, wrap_angle
+from robots.api.messages import Laser
+from robots.world.sensing import Beams, Floats
+
+Loss = Literal["stand", "creep"]
+Tells = Literal["place", "arc", "touch"]
+NO_POINTS: Floats = np.zeros((0, 2))
+NOTHING = NO_POINTS, np.zeros(0)
+SAME_WAY = 0.3  # rad beside its cone in which a sensor counts as looking still: a robot that drives a little askew sees where it goes
+
+
+class ObstacleSource(Protocol):
+    """A sensor of one robot. Stamps are the robot's Unix time, `now` is monotonic time, both in seconds.
+
+    `silence` is how long it may say nothing before it is lost, in seconds; `loss` what the robot may do then. Nearer to the footprint than
+    `vague` metres it cannot tell how near something is, and a driver who is helped creeps. `tells` says what its points are: where
+    something is, an arc somewhere on which something is, or a touch.
+    """
+
+    silence: float
+    loss: Loss
+    vague: float
+    tells: Tells
+
+    def sense(self, reading: RcaState, track: Track, now: float) -> None:
+        """Take what is new in a reading; `track` tells where the robot was at its stamps."""
+
+    def heard_at(self) -> float:
+        """Return when it said something last; of several sensors, the one that has been silent for longest."""
+
+    def about(self, here: Pose2D, radius: float) -> tuple[Floats, Floats]:
+        """Return (n, 2) points within `radius` metres in the robot's frame at `here`, and (n,) by how much each may be off, in metres."""
+
+    def seen(self, here: Pose2D, radius: float) -> Floats:
+        """Return the same points without those that are only guessed at, behind the edges of others."""
+
+    def looks(self, bearing: float) -> bool:
+        """Tell whether it knows what stands in that direction from the robot, radians."""
+
+
+class LaserSource:
+    """A planar laser, with its memory (navigation/obstacles.py)."""
+
+    silence = 0.5
+    loss: Loss = "stand"
+    vague = 0.0
+    tells: Tells = "place"
+
+    def __init__(self, laser: Laser, settings: MemorySettings | None = None) -> None:
+        self._heard_at = -math.inf
+        self._laser = laser
+        self._memory = ObstacleMemory(settings)
+
+    def sense(self, reading: RcaState, track: Track, now: float) -> None:
+        """Take the scan of a reading, when it has one."""
+        if reading.scan is not None:
+            self.look(beams_of(reading.scan, self._laser), track, now)
+
+    def look(self, beams: Beams, track: Track, now: float) -> None:
+        """Take a sweep; one that sees nothing at all is that of a broken laser, and no sign of life."""
+        before = self._memory.seen
+        self._memory.update(track.at(beams.stamp), beams)
+        if self._memory.seen != before:
+            self._heard_at = now
+
+    def heard_at(self) -> float:
+        """Return when a sweep came last."""
+        return self._heard_at
+
+    def about(self, here: Pose2D, radius: float) -> tuple[Floats, Floats]:
+        """Return what was seen lately, and what edges hide."""
+        return self._memory.about(here, radius)
+
+    def seen(self, here: Pose2D, radius: float) -> Floats:
+        """Return what was seen lately."""
+        return self._memory.near(here, radius)
+
+    def looks(self, bearing: float) -> bool:  # noqa: ARG002 -- as the others
+        """Return True: it has looked there, or may remember to have."""
+        return True
+
+
+class DepthSource(LaserSource):
+    """A depth camera: its points are taken as the sweep of a laser with its field of view, the nearest in each direction."""
+
+    def __init__(self, camera: DepthCamera, beams: int = 120) -> None:
+        super().__init__(Laser(x=camera.x, y=camera.y, theta=camera.theta), MemorySettings(sees=0.0, blind=0.0))
+        self._camera, self._beams = camera, beams
+        self._mount = Pose2D(camera.x, camera.y, camera.theta)
+
+    def sense(self, reading: RcaState, track: Track, now: float) -> None:
+        """Take the points of a reading. That none came is no fault: the floor is free."""
+        seen, camera = reading.points, self._camera
+        if seen is None:
+            return
+        step = camera.width / (self._beams - 1)
+        local = into(self._mount, seen.points)
+        beam = np.rint((np.arctan2(local[:, 1], local[:, 0]) + camera.width / 2.0) / step).astype(np.intp)
+        distance = np.hypot(local[:, 0], local[:, 1])
+        inside = (beam >= 0) & (beam < self._beams) & (distance < camera.farthest)
+        ranges = np.full(self._beams, np.inf)
+        np.minimum.at(ranges, beam[inside], distance[inside])
+        self.look(Beams(seen.stamp, -camera.width / 2.0, step, camera.farthest, ranges, self._mount), track, now)
+
+    def looks(self, bearing: float) -> bool:
+        """Tell whether that is in its field of view."""
+        return abs(wrap_angle(bearing - self._camera.theta)) <= self._camera.width / 2.0 + SAME_WAY
+
+
+class SonarSource:
+    """Sensors with cones. An echo comes from somewhere on an arc, and all of the arc is kept where it lay.
+
+    A point is taken away when a cone looks through it twice, and forgotten after so much way. Twice, because an echo is easily lost once:
+    crosstalk, or a wall that is met at a slant. It has to be kept, because a ring is blind between two cones close to the robot.
+    """
+
+    silence = 1.0
+    loss: Loss = "stand"
+    vague = 0.1
+    tells: Tells = "arc"
+    SPACING = 0.05  # metres between two points of an arc
+    OFF = 0.02  # metres that an echo may be off
+    MARGIN = 0.06  # metres by which a point must be nearer than an echo to be looked through
+    DOUBTS = 2
+    WAY, TURN = 2.0, 0.3  # metres driven for which a point is kept, and how many of them a radian of turning counts as
+
+    def __init__(self, sonars: Sequence[Sonar]) -> None:
+        self._sonars = tuple(sonars)
+        self._heard = [-math.inf] * len(self._sonars)
+        self._points: Floats = np.zeros((0, 4))  # x, y, the way driven when it was heard, how many cones have looked through it since
+        self._way = 0.0
+        self._was: Pose2D | None = None
+
+    def sense(self, reading: RcaState, track: Track, now: float) -> None:
+        """Take echoes, and that there were none."""
+        for echo in reading.sonar:
+            if 0 <= echo.sonar < len(self._sonars):
+                self._heard[echo.sonar] = now
+                self._take(self._sonars[echo.sonar], echo.distance, track.at(echo.stamp))
+
+    def heard_at(self) -> float:
+        """Return when the sensor that has been silent for longest was heard."""
+        return min(self._heard)
+
+    def about(self, here: Pose2D, radius: float) -> tuple[Floats, Floats]:
+        """Return the arcs."""
+        near = self.seen(here, radius)
+        return near, np.full(len(near), self.OFF)
+
+    def seen(self, here: Pose2D, radius: float) -> Floats:
+        """Return the arcs."""
+        return within(self._points, here, radius)
+
+    def looks(self, bearing: float) -> bool:
+        """Tell whether that is in one of the cones."""
+        return any(abs(wrap_angle(bearing - each.theta)) <= each.width / 2.0 + SAME_WAY for each in self._sonars)
+
+    def _take(self, sonar: Sonar, distance: float | None, robot: Pose2D) -> None:
+        self._travel(robot)
+        reach = sonar.farthest if distance is None else min(distance, sonar.farthest)
+        eye = robot.compose(Pose2D(sonar.x, sonar.y, sonar.theta))
+        local = into(eye, self._points)
+        apart = np.hypot(local[:, 0], local[:, 1])
+        inside = np.abs(np.arctan2(local[:, 1], local[:, 0])) <= sonar.width / 2.0 + SAME_BEARING
+        self._points[inside & (apart < reach - self.MARGIN), 3] += 1.0
+        again = inside & (np.abs(apart - reach) <= self.MARGIN)
+        old = self._points[:, 2] < self._way - self.WAY
+        kept = self._points[~(again | old | (self._points[:, 3] >= self.DOUBTS))]
+        arc = self._arc(sonar, reach)
+        new = np.zeros((len(arc), 4))
+        new[:, :2], new[:, 2] = out_of(eye, arc), self._way
+        self._points = np.concatenate([kept, new])
+
+    def _travel(self, robot: Pose2D) -> None:
+        if self._was is not None:
+            self._way += self._was.distance(robot) + self.TURN * abs(wrap_angle(robot.theta - self._was.theta))
+        self._was = robot
+
+    def _arc(self, sonar: Sonar, reach: float) -> Floats:
+        """Return (n, 2) where an echo may come from, seen from the sensor; what is too near to be measured is taken to be halfway to that."""
+        if reach >= sonar.farthest:
+            return NO_POINTS
+        distance = sonar.nearest / 2.0 if reach <= sonar.nearest else reach
+        angles = np.linspace(-sonar.width / 2.0, sonar.width / 2.0, 2 + int(distance * sonar.width / self.SPACING))
+        return np.column_stack([distance * np.cos(angles), distance * np.sin(angles)])
+
+
+class BumperSource:
+    """A bumper that knows directions: what was touched stands there, at the edge of the footprint, for `KEPT` seconds after."""
+
+    silence = 0.5
+    loss: Loss = "creep"
+    vague = 0.05
+    tells: Tells = "touch"
+    KEPT = 20.0  # s
+    FELT = np.linspace(-0.2, 0.2, 5)  # rad about the direction of a contact that count as touched
+    BEYOND = 0.005  # metres
+
+    def __init__(self, shape: Hull) -> None:
+        self._shape = shape
+        self._heard_at = self._now = -math.inf
+        self._felt: deque[tuple[float, Floats]] = deque(maxlen=64)
+        self._pressed: tuple[float, ...] = ()
+
+    def sense(self, reading: RcaState, track: Track, now: float) -> None:
+        """Take which directions are pressed: each contact where it begins, and where it ends."""
+        self._now = now
+        if reading.bumper is None:
+            return
+        self._heard_at = now
+        before, self._pressed = self._pressed, reading.bumper
+        if reading.bumper != before:
+            points = [self._edge(bearing) for bearing in (*before, *reading.bumper)]
+            self._felt.append((now, out_of(track.at(reading.stamp), np.concatenate([NO_POINTS, *points]))))
+
+    def heard_at(self) -> float:
+        """Return when it was last known what is touched."""
+        return self._heard_at
+
+    def about(self, here: Pose2D, radius: float) -> tuple[Floats, Floats]:
+        """Return what was touched lately."""
+        near = self.seen(here, radius)
+        return near, np.zeros(len(near))
+
+    def seen(self, here: Pose2D, radius: float) -> Floats:
+        """Return the same."""
+        while self._felt and self._now - self._felt[0][0] > self.KEPT:
+            self._felt.popleft()
+        return within(np.concatenate([NO_POINTS, *(points for _, points in self._felt)]), here, radius)
+
+    def looks(self, bearing: float) -> bool:  # noqa: ARG002 -- as the others
+        """Return False: it knows nothing before it is touched."""
+        return False
+
+    def _edge(self, bearing: float) -> Floats:
+        """Return (n, 2) points just outside the footprint about a direction."""
+        ways = np.column_stack([np.cos(bearing + self.FELT), np.sin(bearing + self.FELT)])
+        towards = ways @ self._shape.normals.T
+        with np.errstate(divide="ignore"):
+            reach = np.where(towards > 0.0, self._shape.offsets / towards, np.inf).min(axis=1)
+        points: Floats = ways * (reach + self.BEYOND)[:, None]
+        return points
+
+
+def within(points: Floats, here: Pose2D, radius: float) -> Floats:
+    """Return (n, 2) those of points (m, 2 or more) that are within `radius` metres of a robot at `here`, in its frame."""
+    local = into(here, points)
+    near: Floats = local[np.hypot(local[:, 0], local[:, 1]) <= radius]
+    return near
+
+
+def sources_of(profile: Profile) -> Sequence[ObstacleSource]:
+    """Return what tells of obstacles about a robot, nothing for one that is blind.
+
+    Raises:
+        ValueError: the footprint is none.
+    """
+    found: list[ObstacleSource] = []
+    if profile.laser is not None:
+        found.append(LaserSource(profile.laser))
+    if profile.depth is not None:
+        found.append(DepthSource(profile.depth))
+    if profile.sonars:
+        found.append(SonarSource(profile.sonars))
+    if profile.bumper:
+        found.append(BumperSource(hull(profile.footprint)))
+    return found

@@ -1,0 +1,223 @@
+"""Bumping into things: the footprint, a convex polygon, against convex solids.
+
+Two convex shapes are apart exactly when one of their edge normals separates them (separating axis theorem); the axis with the
+least overlap is the cheapest way out. Steps are short against the thickness of everything, so that nothing is jumped over.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from robots.agent.simulator.physics.drive import Motion, advance
+from robots.api.geometry import Pose2D, wrap_angle
+from robots.world.solids import Floats, Solid, edges
+
+MAXIMUM_STEP = 0.01  # metres that any corner may travel between two checks
+SKIN = 1e-4  # left between robot and thing after a push
+RELEASE = 0.01  # a contact is over when the gap is this wide
+PUSHES = 4
+CANDIDATES = 5  # solids whose distance is measured first
+LATTICE = 0.25  # metres between the points whose distance from everything is remembered
+
+
+def normals(outline: Floats) -> Floats:
+    """Return the outward unit normals (n, 2) of a counter-clockwise outline's sides."""
+    across = np.empty_like(outline)
+    across[:-1], across[-1] = outline[1:] - outline[:-1], outline[0] - outline[-1]
+    across[:, 0], across[:, 1] = across[:, 1].copy(), -across[:, 0]
+    across /= np.sqrt((across**2).sum(axis=1))[:, None]
+    return across
+
+
+def gap(mine: Floats, mine_normals: Floats, other: Floats, other_normals: Floats) -> tuple[float, Floats]:
+    """Return the widest separation of two convex outlines along their normals, and the direction that frees `mine`.
+
+    Negative means they overlap by so much. When positive it is a lower bound of their distance.
+    """
+    from_mine: Floats = (mine_normals @ other.T).min(axis=1) - (mine_normals * mine).sum(axis=1)
+    from_other: Floats = (other_normals @ mine.T).min(axis=1) - (other_normals * other).sum(axis=1)
+    a, b = int(np.argmax(from_mine)), int(np.argmax(from_other))
+    if from_mine[a] > from_other[b]:
+        return float(from_mine[a]), -mine_normals[a]
+    return float(from_other[b]), other_normals[b]
+
+
+def place(footprint: Floats, pose: Pose2D) -> Floats:
+    """Return the footprint (n, 2) in the world."""
+    cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
+    placed = np.empty_like(footprint)
+    placed[:, 0] = footprint[:, 0] * cosine - footprint[:, 1] * sine + pose.x
+    placed[:, 1] = footprint[:, 0] * sine + footprint[:, 1] * cosine + pose.y
+    return placed
+
+
+@dataclass(frozen=True)
+class Move:
+    """Where a move ended, what was really done, and what was touched on the way."""
+
+    pose: Pose2D
+    motion: Motion
+    touched: frozenset[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A solid, ready to be asked: normals (n, 2) and sides (n, 4) of its outline, its bounding box."""
+
+    solid: Solid
+    normals: Floats
+    sides: Floats
+    low: Floats
+    high: Floats
+
+    def gap_to(self, outline: Floats) -> tuple[float, Floats]:
+        """Return `gap` between an outline and this."""
+        return gap(outline, normals(outline), self.solid.outline, self.normals)
+
+    def moved(self, name: str, x: float, y: float) -> "Shape":
+        """Return the same shape under another name, shifted."""
+        by = np.array([x, y])
+        solid = replace(self.solid, name=name, outline=self.solid.outline + by)
+        return Shape(solid, self.normals, self.sides + np.array([x, y, x, y]), self.low + by, self.high + by)
+
+
+def shape(solid: Solid) -> Shape:
+    """Return a solid, ready to be asked."""
+    return Shape(solid, normals(solid.outline), edges((solid,)), solid.outline.min(axis=0), solid.outline.max(axis=0))
+
+
+class Hit(NamedTuple):
+    """An overlap: with what, how deep in metres, and the direction that frees the other."""
+
+    solid: Solid
+    depth: float
+    way: Floats
+
+
+class Obstacles:
+    """Solids, ready to be asked. Immutable: when a door moves, make new ones; what walks is `others`, said with each question."""
+
+    def __init__(self, solids: tuple[Solid, ...]) -> None:
+        self.solids = solids
+        self.shapes = tuple(map(shape, solids))
+        self.segments = edges(solids)
+        self._low = np.array([each.low for each in self.shapes]).reshape(-1, 2)
+        self._high = np.array([each.high for each in self.shapes]).reshape(-1, 2)
+        self._free: dict[tuple[int, int], float] = {}
+        self._asked: tuple[Floats, float] | None = None
+
+    def free_about(self, x: float, y: float) -> float:
+        """Return metres around a point that are surely free: at most the true distance, less by up to the step of a coarse lattice."""
+        key = (math.floor(x / LATTICE), math.floor(y / LATTICE))
+        if key not in self._free:
+            middle = np.array([[(key[0] + 0.5) * LATTICE, (key[1] + 0.5) * LATTICE]])
+            self._free[key] = math.sqrt(_nearest(middle, self.segments)) if len(self.segments) else math.inf
+        return self._free[key] - LATTICE * math.sqrt(0.5)
+
+    def near(self, outline: Floats) -> list[Shape]:
+        """Return the solids whose bounding box meets that of an outline."""
+        low, high = outline.min(axis=0), outline.max(axis=0)
+        meets = (self._low <= high).all(axis=1) & (self._high >= low).all(axis=1)
+        return [self.shapes[index] for index in meets.nonzero()[0].tolist()]
+
+    def hits(self, outline: Floats, others: tuple[Shape, ...] = ()) -> list[Hit]:
+        """Return everything that an outline overlaps, the deepest first."""
+        near = [*self.near(outline), *others]
+        if not near:
+            return []
+        found = [(each.solid, *each.gap_to(outline)) for each in near]
+        return sorted((Hit(solid, -free, way) for solid, free, way in found if free < 0.0), key=lambda hit: -hit.depth)
+
+    def clearance(self, outline: Floats) -> float:
+        """Return the distance in metres from an outline to the nearest solid, `inf` in an empty world."""
+        if not self.solids:
+            return math.inf
+        apart = np.maximum(np.maximum(self._low - outline.max(axis=0), outline.min(axis=0) - self._high), 0.0)
+        at_least = np.sqrt((apart**2).sum(axis=1))
+        order = np.argsort(at_least)
+        nearest = self._distance(outline, order[:CANDIDATES])
+        rest = order[CANDIDATES:][at_least[order[CANDIDATES:]] < nearest]
+        return min(nearest, self._distance(outline, rest)) if len(rest) else nearest
+
+    def _distance(self, outline: Floats, which: npt.NDArray[np.intp]) -> float:
+        theirs = np.vstack([self.shapes[index].sides for index in which])
+        own = np.hstack([outline, np.roll(outline, -1, axis=0)])
+        return math.sqrt(min(_nearest(outline, theirs), _nearest(theirs[:, :2], own)))
+
+    def move(self, footprint: Floats, pose: Pose2D, motion: Motion, dt: float, others: tuple[Shape, ...] = ()) -> Move:
+        """Drive for `dt` seconds; what stands in the way stops the robot or lets it slide along."""
+        reach = self._reach_of(footprint)
+        travel = (abs(motion.linear) + abs(motion.angular) * reach) * dt
+        if not others and self.free_about(pose.x, pose.y) > reach + travel + SKIN:
+            return Move(advance(pose, motion, dt), motion, frozenset())
+        count = max(1, math.ceil(travel / MAXIMUM_STEP))
+        here, touched = pose, set[str]()
+        for _ in range(count):
+            here, met = self._step(footprint, here, motion, dt / count, others)
+            touched |= met
+        if not touched or dt <= 0.0:
+            return Move(here, motion, frozenset(touched))
+        ahead = (here.x - pose.x) * math.cos(pose.theta) + (here.y - pose.y) * math.sin(pose.theta)
+        done = Motion(_less(ahead / dt, motion.linear), _less(wrap_angle(here.theta - pose.theta) / dt, motion.angular))
+        return Move(here, done, frozenset(touched))
+
+    def _step(self, footprint: Floats, pose: Pose2D, motion: Motion, dt: float, others: tuple[Shape, ...]) -> tuple[Pose2D, set[str]]:
+        wanted = advance(pose, motion, dt)
+        longest = 2.0 * (abs(motion.linear) + abs(motion.angular) * self._reach_of(footprint)) * dt + SKIN
+        touched = set[str]()
+        candidates = (wanted, Pose2D(pose.x, pose.y, wanted.theta)) if motion.angular else (wanted,)
+        for candidate in candidates:
+            free, met = self._pushed_free(footprint, candidate, longest, others)
+            touched |= met
+            if free is not None:
+                return free, touched
+        return pose, touched
+
+    def _reach_of(self, footprint: Floats) -> float:
+        """Return the radius of the circle about the robot's middle that holds its footprint; it is the same one all the time."""
+        if self._asked is None or self._asked[0] is not footprint:
+            self._asked = footprint, math.sqrt(float((footprint**2).sum(axis=1).max()))
+        return self._asked[1]
+
+    def _pushed_free(self, footprint: Floats, pose: Pose2D, longest: float, others: tuple[Shape, ...]) -> tuple[Pose2D | None, set[str]]:
+        """Return the pose moved out of what it overlaps, or None where there is no short way out; and what it met."""
+        touched = set[str]()
+        x, y = pose.x, pose.y
+        for _ in range(PUSHES):
+            hits = self.hits(place(footprint, Pose2D(x, y, pose.theta)), others)
+            if not hits:
+                return Pose2D(x, y, pose.theta), touched
+            touched |= {hit.solid.name for hit in hits}
+            _, depth, way = hits[0]
+            x, y = x + (depth + SKIN) * float(way[0]), y + (depth + SKIN) * float(way[1])
+            if math.hypot(x - pose.x, y - pose.y) > longest:
+                return None, touched
+        return None, touched
+
+
+def _less(done: float, wanted: float) -> float:
+    """Return what was done of a speed: never more than wanted, never the other way."""
+    return min(max(done, 0.0), wanted) if wanted > 0.0 else max(min(done, 0.0), wanted)
+
+
+def _nearest(points: Floats, segments: Floats) -> float:
+    """Return the least squared distance of (n, 2) points to (m, 4) segments."""
+    start, along = segments[:, :2], segments[:, 2:] - segments[:, :2]
+    dx, dy = points[:, 0:1] - start[:, 0], points[:, 1:2] - start[:, 1]
+    share = np.clip((dx * along[:, 0] + dy * along[:, 1]) / (along**2).sum(axis=1), 0.0, 1.0)
+    return float(((dx - share * along[:, 0]) ** 2 + (dy - share * along[:, 1]) ** 2).min())
+
+
+def distance_to(x: float, y: float, outline: Floats) -> float:
+    """Return how far a point lies from a convex, counter-clockwise outline, 0 inside."""
+    corners = outline.tolist()
+    inside, least = True, math.inf
+    for (ax, ay), (bx, by) in zip(corners, (*corners[1:], corners[0]), strict=True):
+        along_x, along_y, dx, dy = bx - ax, by - ay, x - ax, y - ay
+        inside = inside and along_x * dy - along_y * dx >= 0.0
+        share = min(1.0, max(0.0, (dx * along_x + dy * along_y) / (along_x**2 + along_y**2)))
+        least = min(least, math.hypot(dx - share * along_x, dy - share * along_y))
+    return 0.0 if inside else least

@@ -1,0 +1,64 @@
+"""People in a simulated site, as laser, camera and bumpers meet them.
+
+A person is touched like a disc of radius `BODY` and seen by a laser as two legs, which stay within it. Lengths in metres.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from robots.world.solids import Floats, Solid, disc, edges
+
+BODY = 0.17
+LEG = 0.075
+LEG_ASIDE = 0.09  # from the middle of the body to that of a leg
+SWING = 0.08  # of a leg ahead or back at the height of a laser, in full stride
+FULL_STRIDE = 0.8  # m/s from which on the legs swing so far
+HEIGHT = 1.7
+CORNERS = 12
+LEG_CORNERS = 8
+TOUCH = BODY / math.cos(math.pi / CORNERS) + 1e-3  # how far the corners of that disc reach: nobody comes nearer by walking
+
+
+class Person(NamedTuple):
+    """Somebody at one moment.
+
+    `x`, `y` in metres of the map; `heading` where the body looks, radians; `stride` the phase of the walk in radians, growing by 2 pi
+    with two steps: the left foot is ahead by `sin(stride)` of the swing, the right one behind by as much; `look` an integer that stays
+    the same for one person (clothes, hair, height); `speed` in m/s, 0 for who stands.
+    """
+
+    x: float
+    y: float
+    heading: float
+    stride: float
+    look: int
+    speed: float
+
+
+def legs(people: tuple[Person, ...]) -> Floats:
+    """Return the sides (16 n, 4) of the legs of n people, counter-clockwise about each leg, as of any solid."""
+    middles = []
+    for person in people:
+        cosine, sine = math.cos(person.heading), math.sin(person.heading)
+        ahead = SWING * min(1.0, person.speed / FULL_STRIDE) * math.sin(person.stride)
+        for side in (1.0, -1.0):
+            dx, dy = side * ahead, side * LEG_ASIDE
+            middles.append((person.x + dx * cosine - dy * sine, person.y + dx * sine + dy * cosine))
+    at = np.array(middles).reshape(-1, 1, 2)
+    sides: Floats = (_LEG + np.concatenate([at, at], axis=2)).reshape(-1, 4)
+    return sides
+
+
+def solid(person: Person) -> Solid:
+    """Return a person as something to bump into."""
+    return Solid("person", name_of(person), disc(person.x, person.y, 2.0 * BODY, CORNERS), HEIGHT)
+
+
+def name_of(person: Person) -> str:
+    """Return what a person is called among solids."""
+    return f"person-{person.look}"
+
+
+_LEG = edges((Solid("person", "leg", disc(0.0, 0.0, 2.0 * LEG, LEG_CORNERS), 1.0),))

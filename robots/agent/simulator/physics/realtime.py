@@ -1,0 +1,96 @@
+"""A simulation that keeps up with the clock on the wall, and remembers what happened.
+
+Steps have one fixed length, so that a run depends on when commands came and on nothing else. After a pause of the whole process
+(a suspended laptop, SIGSTOP) the lost time is dropped: a robot that nobody simulated has not moved.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+
+from robots.agent.simulator.physics.people import Person
+from robots.agent.simulator.physics.simulation import Simulation
+from robots.agent.simulator.wire import Truth
+from robots.api.geometry import Pose2D
+from robots.world.solids import Opening
+
+STEP = 0.01
+LONGEST_LAG = 0.25
+CLOCK_STEP = 0.1  # seconds: the wall clock was set, or the process slept
+CLOCK_SLEW = 0.02
+REMEMBERED = 180.0  # seconds
+
+Row = tuple[float, float, float, float, float, float, float, float]
+
+
+@dataclass(frozen=True)
+class View:
+    """What a camera needs of one moment; `stamp` in Unix seconds."""
+
+    stamp: float
+    pose: Pose2D
+    motion: tuple[float, float]
+    tilt: float
+    doors: dict[str, Opening]
+    people: tuple[Person, ...] = ()
+
+
+class Playback:
+    """Drives a `Simulation` by two clocks that the caller reads: monotonic, for the steps, and Unix time, for the stamps."""
+
+    def __init__(self, simulation: Simulation, monotonic: float, unix: float) -> None:
+        self.simulation = simulation
+        self._origin = monotonic
+        self._unix_origin = unix
+        self._history: deque[Row] = deque(maxlen=round(REMEMBERED / STEP))
+        self.view = self._view()
+
+    def advance(self, monotonic: float, unix: float) -> int:
+        """Take all steps that are due and return how many."""
+        lag = monotonic - self._origin - self.simulation.time
+        if lag > LONGEST_LAG:
+            self._origin += lag - LONGEST_LAG
+        self._set_wall_clock(unix - (monotonic - self._origin))
+        count = 0
+        while self.simulation.time + STEP <= monotonic - self._origin:
+            self.simulation.step(STEP)
+            count += 1
+            self._history.append(self._row())
+        if count:
+            self.view = self._view()
+        return count
+
+    def _set_wall_clock(self, unix_origin: float) -> None:
+        """Follow the wall clock slowly, so that a moment lost between reading two clocks never turns stamps around."""
+        error = unix_origin - self._unix_origin
+        self._unix_origin += error if abs(error) > CLOCK_STEP else CLOCK_SLEW * error
+
+    def stamp(self) -> float:
+        """Return the Unix time of the last step."""
+        return self._unix_origin + self.simulation.time
+
+    def history(self, seconds: float) -> tuple[Row, ...]:
+        """Return the rows of the last seconds, oldest first."""
+        count = min(len(self._history), max(0, round(seconds / STEP)))
+        return tuple(self._history[index] for index in range(len(self._history) - count, len(self._history)))
+
+    def truth(self, *, measured: bool = True) -> Truth:
+        """Return everything about the robot at the last step; without `measured` not its clearance, which costs more than the rest."""
+        sim = self.simulation
+        return Truth(
+            stamp=self.stamp(), x=sim.pose.x, y=sim.pose.y, theta=sim.pose.theta,
+            odometry=(sim.odometry.x, sim.odometry.y, sim.odometry.theta),
+            linear=sim.motion.linear, angular=sim.motion.angular, commanded=(sim.commanded.linear, sim.commanded.angular),
+            commanded_at=self._unix_origin + sim.commanded_at if sim.commanded_at >= 0.0 else 0.0,
+            charge=sim.charge, voltage=sim.voltage(), docked=sim.docked, tilt=sim.tilt, clearance=min(sim.clearance(), 1e3) if measured else None,
+            contacts=sim.contacts, distance=sim.distance, doors=dict(sim.doors), errors=sim.errors(),
+            bumped=sim.bumped, people=tuple((person.x, person.y, person.heading) for person in sim.people),
+            bumper=sim.bumper(),
+        )  # fmt: skip
+
+    def _row(self) -> Row:
+        s = self.simulation.sample()
+        return (self.stamp(), s.commanded_linear, s.commanded_angular, s.linear, s.angular, s.x, s.y, s.theta)
+
+    def _view(self) -> View:
+        sim = self.simulation
+        return View(self.stamp(), sim.pose, (sim.motion.linear, sim.motion.angular), sim.tilt, sim.openings, sim.people)

@@ -1,0 +1,304 @@
+"""A whole robot in a whole site, without a clock of its own: `step(dt)` and ask.
+
+Everything random comes from one seed, in streams of their own, so that asking for a scan does not change the drive. The same
+seed and the same commands at the same times give the same trajectory, bit for bit.
+
+The wheels slip on the floor, which the encoders do not notice, and the encoders believe in slightly wrong wheels: `odometry` drifts
+from the truth as that of a real robot does.
+
+Longer than most files: it holds together what its parts decide.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from robots.agent.simulator import sonar
+from robots.agent.simulator.physics import battery, head, laser
+from robots.agent.simulator.physics.contact import RELEASE, Obstacles, Shape, distance_to, place, shape
+from robots.agent.simulator.physics.doors import Doors
+from robots.agent.simulator.physics.drive import STILL, Motion, clamp, draw_encoders, follow, reckoned, slip
+from robots.agent.simulator.physics.faults import SOUND, Faults
+from robots.agent.simulator.physics.pedestrians import Crowd
+from robots.agent.simulator.physics.people import BODY, Person, legs, name_of, solid
+from robots.agent.simulator.physics.random_doors import Draught
+from robots.agent.simulator.profiles import RobotModel
+from robots.api.floorplan import DoorState, FloorPlan
+from robots.api.geometry import Pose2D, wrap_angle
+from robots.world.sensing import Beams
+from robots.world.sites import with_doors
+from robots.world.solids import Floats, Opening, fixed_solids, leaf_solid
+
+NEAR = 0.1  # metres beyond touch at which somebody is looked at; more than anybody moves in a step
+ANYBODY = shape(solid(Person(0.0, 0.0, 0.0, 0.0, 0, 0.0)))
+AT_DOCK = 1.0  # metres from a dock beyond which nobody asks how exactly
+BUMP_TIME = 1.0  # seconds in which a robot that somebody walked into is not at fault when it pushes on
+
+
+class StartError(ValueError):
+    """The robot cannot begin where it was told to, in one sentence."""
+
+
+class Sample(NamedTuple):
+    """One moment of the truth; `time` in seconds since the start of the simulation."""
+
+    time: float
+    commanded_linear: float
+    commanded_angular: float
+    linear: float
+    angular: float
+    x: float
+    y: float
+    theta: float
+
+
+class Simulation:
+    """The robot. Attributes are the truth at `time`; nobody but `step` changes them."""
+
+    def __init__(
+        self, model: RobotModel, plan: FloorPlan, *, seed: int, start: str = "dock", charge: float = 0.9, people: int = 0, door_changes: float = 0.0
+    ) -> None:
+        """Stand at `start`: `dock`, the name of a start or place of the plan, or `x,y,theta`.
+
+        `people` walk about, and every `door_changes` seconds, on average, a door opens or closes (0: never).
+
+        Raises:
+            StartError: no such place, or something stands there.
+        """
+        self.model, self.plan = model, plan
+        streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)]
+        self.drive_rng, self.laser_rng, self.sonar_rng = *streams[:2], streams[5]
+        self.encoders = draw_encoders(model.odometry.radius_error, model.odometry.separation_error, streams[2])
+        self.footprint = np.array(model.footprint)
+        self._radius = model.radius
+        self._doors = Doors(plan, with_doors(plan, {}))
+        self._draught = Draught(tuple(self.doors), door_changes, streams[3])
+        self._fixed = fixed_solids(plan)
+        self.obstacles = self._standing()
+        self.time = 0.0
+        self.pose = start_pose(plan, model, start)
+        self.motion = STILL
+        self.commanded = STILL
+        self.commanded_at = -math.inf
+        self.odometry = Pose2D(0.0, 0.0, 0.0)
+        self.distance = 0.0
+        self.contacts = 0
+        self.touching: frozenset[str] = frozenset()
+        self.charge = charge
+        self.tilt = model.tilt.home if model.tilt else 0.0
+        self.tilt_target = self.tilt
+        self.faults: Faults = SOUND
+        self._crowd: Crowd | None = None
+        self.docked = False  # whether the charging contacts meet
+        self._refuse_blocked(start, self.pose)
+        self._crowd = Crowd(plan, people, self.doors, (self.pose.x, self.pose.y), streams[4]) if people else None
+        self.docked = self._in_dock()
+
+    @property
+    def people(self) -> tuple[Person, ...]:
+        """Everybody who walks about, as they are now."""
+        return self._crowd.people if self._crowd else ()
+
+    @property
+    def doors(self) -> dict[str, DoorState]:
+        """How every door rests, or rested before it began to move."""
+        return self._doors.states
+
+    @property
+    def openings(self) -> dict[str, Opening]:
+        """How every door stands now: its state, or its share of the swing while it moves."""
+        return self._doors.openings
+
+    @property
+    def bumped(self) -> int:
+        """How often somebody walked into the robot; `contacts` counts what the robot ran into."""
+        return self._crowd.bumped if self._crowd else 0
+
+    def outline(self) -> Floats:
+        """Return the footprint (n, 2) in the world."""
+        return place(self.footprint, self.pose)
+
+    def command(self, linear: float, angular: float) -> Motion:
+        """Take a velocity and return what the base will aim at; silence for `model.watchdog` seconds brakes to a stand."""
+        self.commanded, self.commanded_at = clamp(Motion(linear, angular), self.model.limits), self.time
+        return self.commanded
+
+    def set_doors(self, doors: dict[str, DoorState]) -> None:
+        """Let doors swing open or closed; a leaf that the robot or somebody stands in the way of waits until they are gone.
+
+        Unknown names are ignored. These doors move no more by themselves. Before the first step they stand there at once.
+        """
+        self._draught.leave(set(doors))
+        self._doors.want(doors)
+        if self.time == 0.0 and self._doors.set_at_once(self._in_the_way()):
+            self.obstacles = self._standing()
+
+    def carry_to(self, pose: Pose2D) -> None:
+        """Put the robot somewhere else; its odometry notices nothing.
+
+        Raises:
+            StartError: something or somebody stands there, or there is no room.
+        """
+        where = f"{pose.x:g},{pose.y:g},{pose.theta:g}"
+        if self.plan.room_at(pose.x, pose.y) is None:
+            raise StartError(f"{where} lies in no room")
+        self._refuse_blocked(where, pose)
+        self.pose = pose
+        self.motion, self.touching = STILL, frozenset()
+        self.docked = False
+        self.docked = self._in_dock()
+
+    def step(self, dt: float) -> None:
+        """Let `dt` seconds pass, some hundredths of a second at a time."""
+        self._doors.want(self._draught.due(self.time))
+        if not self._doors.is_still() and self._doors.step(dt, self._in_the_way()):
+            self.obstacles = self._standing()
+        if self.model.tilt:
+            self.tilt = head.step(self.tilt, self.tilt_target, self.model.tilt, dt)
+        if self._target() != STILL or self.motion != STILL:
+            self._drive(dt)
+        if self._crowd:
+            self._crowd.step(dt, self.doors, self.footprint, self.pose, self._doors.moving)
+        self.docked = self._in_dock()
+        effort = max(abs(self.motion.linear) / self.model.limits.linear, abs(self.motion.angular) / self.model.limits.angular)
+        self.charge = battery.step(self.charge, self.model.battery, effort, dt, charging=self.docked)
+        self.time += dt
+
+    def scan(self) -> Floats:
+        """Return what the laser sees now, (beams,) metres, `inf` where nothing came back, all NaN when it is broken so."""
+        ranges = laser.scan(self._segments(), self.pose, self.model.laser, self.laser_rng)
+        return np.full_like(ranges, math.nan) if self.faults.laser == "nan" else ranges
+
+    def echoes(self, sounding: tuple[int, ...]) -> tuple[float, ...]:
+        """Return how far off the sonars that sound now hear something, metres from each, `inf` for nothing."""
+        mounts, segments = self.model.sonar.mounts(self.model.footprint), self._segments()
+        return tuple(sonar.echo(segments, self.pose.compose(mounts[index]), self.model.sonar, self.sonar_rng) for index in sounding)
+
+    def bumper(self) -> tuple[float, ...]:
+        """Return the directions in which something is touched now, radians in the robot's frame; a station that it noses into is none."""
+        if not self.touching:
+            return ()
+        outline = self.outline()
+        shapes = (*self.obstacles.shapes, *self._near(self.pose))
+        ways = [each.gap_to(outline)[1] for each in shapes if each.solid.name in self.touching and each.solid.kind != "station"]
+        return tuple(wrap_angle(math.atan2(-way[1], -way[0]) - self.pose.theta) for way in ways)
+
+    def _segments(self) -> Floats:
+        """Return the sides (n, 4) of everything that stands or walks at the height of the sensors."""
+        segments = self.obstacles.segments
+        if self.people or self._doors.moving:
+            segments = np.concatenate([segments, *(leaf.sides for leaf in self._doors.moving), legs(self.people)])
+        return segments
+
+    def beams(self) -> Beams | None:
+        """Return the same as a sweep with its mount, stamped with `time`; None from a silent laser."""
+        if self.faults.laser == "silent":
+            return None
+        eye = self.model.laser
+        return Beams(self.time, eye.angle_min, eye.angle_increment, eye.range_max, self.scan(), eye.mount)
+
+    def clearance(self) -> float:
+        """Return the distance in metres from the footprint to the nearest thing or person."""
+        outline = self.outline()
+        gaps = [distance_to(person.x, person.y, outline) - BODY for person in self.people]
+        leaves = Obstacles(tuple(leaf.solid for leaf in self._doors.moving))
+        return max(0.0, min([self.obstacles.clearance(outline), leaves.clearance(outline), *gaps]))
+
+    def voltage(self) -> float:
+        """Return the volts at the battery."""
+        return battery.voltage(self.charge, self.model.battery, charging=self.docked)
+
+    def sample(self) -> Sample:
+        """Return the truth of this moment."""
+        return Sample(self.time, *self.commanded, *self.motion, *self.pose)
+
+    def errors(self) -> tuple[str, ...]:
+        """Return what is wrong with the robot, in words for its owner."""
+        return ("battery empty",) if self.charge <= 0.0 else ()
+
+    def _target(self) -> Motion:
+        silent = self.time - self.commanded_at > self.model.watchdog
+        return STILL if silent or self.charge <= 0.0 or self.faults.wheels_stopped else self.commanded
+
+    def _drive(self, dt: float) -> None:
+        model = self.model
+        self.motion = follow(self.motion, self._target(), model.limits, dt)
+        real = slip(self.motion, model.wheel_separation, model.wheel_noise, dt, self.drive_rng)
+        others = self._near(self.pose)
+        move = self.obstacles.move(self.footprint, self.pose, real, dt, others)
+        self.odometry = self.odometry.compose(_wheels(reckoned(self.motion, model.wheel_separation, self.encoders), dt))
+        self.distance += math.hypot(move.pose.x - self.pose.x, move.pose.y - self.pose.y)
+        self.pose = move.pose
+        if move.touched:
+            self.motion = move.motion
+        if move.touched or self.touching:
+            self._count_contacts(others, move.touched)
+
+    def _near(self, pose: Pose2D) -> tuple[Shape, ...]:
+        """Return who stands so near to a robot there that it may bump into them, and the leaves that move."""
+        reach = self._radius + BODY + NEAR
+        near = (person for person in self.people if math.hypot(person.x - pose.x, person.y - pose.y) < reach)
+        return (*self._doors.moving, *(ANYBODY.moved(name_of(person), person.x, person.y) for person in near))
+
+    def _count_contacts(self, others: tuple[Shape, ...], touched: frozenset[str]) -> None:
+        """A contact begins with a touch and is over when the gap has opened again; nosing into a dock is none."""
+        excused = {name_of(person) for person in self.people if self._crowd and self._crowd.just_bumped(person.look, BUMP_TIME)}
+        shapes = {each.solid.name: each for each in (*self.obstacles.shapes, *others)}
+        began = [name for name in touched - self.touching - excused if shapes[name].solid.kind != "station"]
+        self.contacts += len(began)
+        outline = self.outline()
+        still = {name for name in self.touching - touched if name in shapes and shapes[name].gap_to(outline)[0] < RELEASE}
+        self.touching = frozenset((touched - excused) | still)
+
+    def _refuse_blocked(self, where: str, pose: Pose2D) -> None:
+        blocked = self.obstacles.hits(place(self.footprint, pose), self._near(pose))
+        if blocked:
+            raise StartError(f"the robot cannot be put at {where!r}: {blocked[0].solid.name} stands there")
+
+    def _in_dock(self) -> bool:
+        tolerance = self.model.dock
+        travel, twist = (tolerance.travel, tolerance.twist) if self.docked else (0.0, 0.0)
+        for dock in self.plan.docks:
+            if dock.type != self.model.series or abs(dock.x - self.pose.x) + abs(dock.y - self.pose.y) > AT_DOCK:
+                continue
+            error = Pose2D(dock.x, dock.y, dock.theta).inverse().compose(self.pose)
+            reaches = abs(error.x) <= tolerance.longitudinal + travel and abs(error.y) <= tolerance.lateral + travel
+            if reaches and abs(error.theta) <= tolerance.heading + twist:
+                return True
+        return False
+
+    def _standing(self) -> Obstacles:
+        leaves = tuple(leaf_solid(door, self.doors[door.name]) for door in self._doors.resting)
+        return Obstacles((*self._fixed, *leaves))
+
+    def _in_the_way(self) -> list[Floats]:
+        """Return the outlines that no leaf may come near to."""
+        return [self.outline(), *(solid(person).outline for person in self.people)]
+
+
+def _wheels(motion: Motion, dt: float) -> Pose2D:
+    """Return the relative motion that the wheels' encoders report."""
+    half = motion.angular * dt / 2.0
+    return Pose2D(motion.linear * dt * math.cos(half), motion.linear * dt * math.sin(half), motion.angular * dt)
+
+
+def start_pose(plan: FloorPlan, model: RobotModel, start: str) -> Pose2D:
+    """Return where a robot begins: `dock`, a named start or place, or `x,y,theta`.
+
+    Raises:
+        StartError: no such place.
+    """
+    dock = plan.dock_of(model.series)
+    if start == "dock" and dock is not None:
+        return Pose2D(dock.x, dock.y, dock.theta)
+    for place_ in (*plan.starts, *plan.places):
+        if place_.name == start:
+            return Pose2D(place_.x, place_.y, place_.theta)
+    try:
+        x, y, theta = (float(part) for part in start.split(","))
+    except ValueError as error:
+        raise StartError(f"no start {start!r} for {model.series}: give a dock, a named place or x,y,theta") from error
+    if not all(map(math.isfinite, (x, y, theta))) or plan.room_at(x, y) is None:
+        raise StartError(f"the start {start!r} lies in no room")
+    return Pose2D(x, y, wrap_angle(theta))

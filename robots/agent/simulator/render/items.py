@@ -1,0 +1,99 @@
+"""Items side by side in arrays, so that all of them are placed in a picture at once."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from robots.agent.simulator.render.rays import EDGE, Mask, Places
+from robots.agent.simulator.render.scene import Item
+from robots.api.geometry import Pose2D
+from robots.world.solids import Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Things:
+    """k items with n sides: `starts` (k,) is the first side of each, `owner` (n,) the item of each side, the rest as in `Item`."""
+
+    items: tuple[Item, ...]
+    sides: Floats
+    owner: Places
+    starts: Places
+    bottom: Floats
+    top: Floats
+    density: Floats
+    rows: Places
+    offsets: npt.NDArray[np.intp]
+    columns: npt.NDArray[np.intp]
+    deep: Mask
+    group: Places
+    billboards: Places
+    mirrored: Mask
+
+    def seen_from(self, origin: Floats) -> Floats:
+        """Return all sides (n, 4), billboards turned to the eye."""
+        if not len(self.billboards):
+            return self.sides
+        sides = self.sides.copy()
+        sides[self.billboards] = turned(sides[self.billboards], origin)
+        return sides
+
+    def moved(self, pose: Pose2D) -> "Things":
+        """Return items that were made about the origin at a pose; a picture on a lid is not turned with it."""
+        cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
+        matrix = np.array([[cosine, sine], [-sine, cosine]])
+        points = self.sides.reshape(-1, 2) @ matrix + (pose.x, pose.y)
+        return replace(self, sides=points.reshape(-1, 4))
+
+
+def gather(items: tuple[Item, ...]) -> Things:
+    """Return items in arrays."""
+    counts = [len(item.sides) for item in items]
+    starts = np.cumsum([0, *counts])[:-1].astype(np.intp)
+    names = {name: number for number, name in enumerate(dict.fromkeys(item.group for item in items))}
+    levels = items[0].offsets.shape[0] if items else 1
+    return Things(
+        items=items, sides=np.vstack([np.zeros((0, 4)), *(item.sides for item in items)]),
+        owner=np.repeat(np.arange(len(items)), counts), starts=starts,
+        bottom=np.array([item.bottom for item in items]), top=np.array([item.top for item in items]),
+        density=np.array([item.density for item in items]), rows=np.array([item.rows for item in items], dtype=np.intp),
+        offsets=np.hstack([np.zeros((levels, 0), dtype=np.intp), *(item.offsets for item in items)]),
+        columns=np.hstack([np.zeros((levels, 0), dtype=np.intp), *(item.columns for item in items)]),
+        deep=np.array([item.lid is not None or item.under >= 0 for item in items], dtype=np.bool_),
+        group=np.array([names[item.group] for item in items], dtype=np.intp),
+        billboards=np.array([start for start, item in zip(starts, items, strict=True) if item.billboard], dtype=np.intp),
+        mirrored=np.array([item.mirrored for item in items], dtype=np.bool_),
+    )  # fmt: skip
+
+
+def joined(first: Things, second: Things) -> Things:
+    """Return the items of both; their groups are different ones."""
+    if not second.items or not first.items:
+        return first if first.items else second
+    items, sides, groups = len(first.items), len(first.sides), int(first.group.max()) + 1
+    return Things(
+        items=first.items + second.items, sides=np.concatenate([first.sides, second.sides]),
+        owner=np.concatenate([first.owner, second.owner + items]), starts=np.concatenate([first.starts, second.starts + sides]),
+        bottom=np.concatenate([first.bottom, second.bottom]), top=np.concatenate([first.top, second.top]),
+        density=np.concatenate([first.density, second.density]), rows=np.concatenate([first.rows, second.rows]),
+        offsets=np.concatenate([first.offsets, second.offsets], axis=1), columns=np.concatenate([first.columns, second.columns], axis=1),
+        deep=np.concatenate([first.deep, second.deep]), group=np.concatenate([first.group, second.group + groups]),
+        billboards=np.concatenate([first.billboards, second.billboards + sides]),
+        mirrored=np.concatenate([first.mirrored, second.mirrored]),
+    )  # fmt: skip
+
+
+def before(things: Things, point: Floats, normal: Floats) -> Things:
+    """Return the things that do not lie wholly behind a line through `point`."""
+    ahead = np.maximum.reduceat(((things.sides.reshape(-1, 2) - point) @ normal).reshape(-1, 2).max(axis=1), things.starts) > 0.0
+    return gather(tuple(item for item, is_ahead in zip(things.items, ahead, strict=True) if is_ahead))
+
+
+def turned(sides: Floats, origin: Floats) -> Floats:
+    """Return upright faces (n, 4) turned about their middles to who looks from `origin`."""
+    middle = (sides[:, :2] + sides[:, 2:]) / 2.0
+    half = np.hypot(sides[:, 2] - sides[:, 0], sides[:, 3] - sides[:, 1]) / 2.0
+    away = middle - origin
+    right = np.column_stack([away[:, 1], -away[:, 0]]) * (half / np.maximum(np.hypot(away[:, 0], away[:, 1]), EDGE))[:, None]
+    return np.hstack([middle - right, middle + right])

@@ -1,0 +1,86 @@
+"""Draws pictures into shared memory while somebody looks, in a thread of its own: numpy lets go of the interpreter as it draws."""
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from robots.agent.simulator.physics.drive import Motion, advance
+from robots.agent.simulator.physics.people import Person
+from robots.agent.simulator.physics.realtime import View
+from robots.agent.simulator.render.frame_ring import FrameWriter
+from robots.api.geometry import Pose2D
+from robots.world.solids import Opening
+
+LONGEST_PICTURE = 0.5  # seconds
+LONGEST_GUESS = 0.05  # seconds that a pose is carried on beyond the last step
+
+log = logging.getLogger(__name__)
+
+
+class Renderer(Protocol):
+    """What draws: see camera.py."""
+
+    def render(self, pose: Pose2D, tilt: float, doors: Mapping[str, Opening], people: tuple[Person, ...], out: npt.NDArray[np.uint8]) -> None:
+        """Draw what the camera sees into `out`, (height * 3 / 2, width): Y, U, V."""
+
+
+def pose_at(view: View, stamp: float) -> Pose2D:
+    """Return the pose a moment after a view: pictures come between the steps, and should not judder with them."""
+    ahead = min(max(stamp - view.stamp, 0.0), LONGEST_GUESS)
+    return advance(view.pose, Motion(*view.motion), ahead)
+
+
+class CameraThread:
+    """Starts with the first viewer, rests with the last.
+
+    Args:
+        make: builds the renderer, which takes a second; called in the thread.
+        ring: where the pictures go.
+        fps: pictures a second.
+        view: the newest moment of the simulation.
+        ready: told of each picture: its number, and the Unix time at which the world was sampled.
+    """
+
+    def __init__(
+        self, make: Callable[[], Renderer], ring: FrameWriter, fps: float, view: Callable[[], View], ready: Callable[[int, float], None]
+    ) -> None:
+        self._make, self._ring, self._period, self._view, self._ready = make, ring, 1.0 / fps, view, ready
+        self._watched = threading.Event()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
+        self._thread.start()
+
+    def watch(self, *, watched: bool) -> None:
+        """Draw, or rest."""
+        if watched:
+            self._watched.set()
+        else:
+            self._watched.clear()
+
+    def close(self) -> None:
+        """End the thread; waits for the picture at hand, not for textures in the making."""
+        self._ended.set()
+        self._watched.set()
+        self._thread.join(timeout=LONGEST_PICTURE)
+
+    def _run(self) -> None:
+        begun = time.monotonic()
+        renderer = self._make()
+        log.info("camera_ready", extra={"seconds": round(time.monotonic() - begun, 3)})
+        due = time.monotonic()
+        while self._watched.wait() and not self._ended.is_set():
+            self._draw(renderer)
+            due = max(due + self._period, time.monotonic() - self._period)
+            self._ended.wait(max(0.0, due - time.monotonic()))
+
+    def _draw(self, renderer: Renderer) -> None:
+        image = self._ring.begin()
+        stamp = time.time()
+        view = self._view()
+        renderer.render(pose_at(view, stamp), view.tilt, view.doors, view.people, image)
+        self._ready(self._ring.commit(), stamp)

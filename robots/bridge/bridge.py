@@ -1,0 +1,356 @@
+"""The web process's one connection to the broker, and the fan-out of what arrives to whoever listens.
+
+Everything runs on the loop that first asked for `current()`; daphne tells nobody when it starts, so the first page does. A robot's
+topics are subscribed while somebody in this process listens to that robot: a message costs about a quarter of a millisecond of CPU
+whether or not anybody wants it, and a robot sends some thirty a second, so that a hundred idle robots would fill most of a core.
+
+Nothing is queued for a broker that is away: a command that arrives late is worse than one that does not arrive. `send` says False
+and its caller tells the page. Three kinds of message are kept, each for its own reason: a stop, for 3 s at most, because it is right
+at any age; what a robot must find retained (`retain`), because a restarted broker has forgotten it; and reports for the record.
+
+Longer than most files here, because connecting, listening and speaking share the one connection.
+"""
+
+import asyncio
+import collections
+import contextvars
+import functools
+import logging
+import random
+import secrets
+import time
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass
+from typing import Any
+
+import aiomqtt
+from django.conf import settings
+from prometheus_client import Histogram
+
+from robots.api import codec, topics
+from robots.api.errors import Rejection
+from robots.api.messages import Action, Lease, Message, ServerNews
+from robots.bridge import broker_address
+from robots.bridge.delivery import LINK, Delivery, Letter, Listener
+from robots.bridge.inbox import Inbox
+from robots.bridge.known import KnownRobot
+from robots.bridge.quick_reading import read_quickly
+from robots.bridge.quick_writing import QuickWriter, writer_of
+from robots.cancellation import cancel
+from robots.enrol.credentials import server_credentials
+
+log = logging.getLogger(__name__)
+
+# The floor plan, which is large, is not among them.
+LISTENED = (
+    "connection", "factsheet", "state", "pose", "scan", "path", "event", "action", "words", "pointer", "heartbeat", "picture", "picture/+",
+    "lease", "signal/+/reply",
+)  # fmt: skip
+# At QoS 1 for the record, which the session manager keeps; here the next one comes in a quarter of a second, and an acknowledgement costs
+# nearly as much as a message.
+SHOWN = frozenset({"state"})
+STOP_SECONDS, STOP_AGAIN_SECONDS = 3.0, 0.1
+MAX_FLYING = 500
+WATCH_SECONDS = 0.2
+PIECE = 4096  # bytes read at a time, some ten messages: between two pieces pages are sent what there is
+MAX_REPORTS, REPORTS_FLYING = 2000, 100  # kept, and on their way at once: what has gathered must not be in the way of a stop
+# From a message of ours to its handing over, at QoS 1 to the broker's word that it has it.
+BUCKETS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 1.0)
+SEND_SECONDS = Histogram("telepresence_relay_to_robot_seconds", "From a page's message to the broker.", buckets=BUCKETS)
+
+
+@dataclass(frozen=True)
+class _Stop:
+    """A stop that the broker has not confirmed, and until when it is worth repeating (monotonic seconds)."""
+
+    topic: str
+    payload: bytes
+    deadline: float
+
+
+class Bridge:
+    """One MQTT connection that comes back for ever, and what it brings. All methods are called on its loop.
+
+    Args:
+        url: the broker's, see robots/bridge/broker_address.py.
+        credentials: (user, password) unless the URL names them.
+        rng: spreads reconnections; seeded in tests.
+    """
+
+    def __init__(self, url: str, credentials: tuple[str, str], rng: random.Random) -> None:
+        self._address = broker_address.parse(url)
+        self._credentials = credentials
+        self._rng = rng
+        self._delivery = Delivery()
+        self._client: aiomqtt.Client | None = None
+        self._writer: QuickWriter | None = None
+        self._flying: set[asyncio.Task[Any]] = set()
+        self._unsaid: set[asyncio.Task[Any]] = set()  # of these, whose packet is not yet with the client
+        self._retained: dict[tuple[str, str], bytes] = {}
+        self._stops: collections.deque[_Stop] = collections.deque(maxlen=MAX_FLYING)
+        self._reports: collections.deque[tuple[str, bytes]] = collections.deque()
+        self.counts: collections.Counter[str] = collections.Counter()
+        self._loop = asyncio.get_running_loop()
+        self._up = asyncio.Event()
+        # In a context of its own: that of the request which came first ends with it, and would be inherited by all that is heard.
+        self._task = self._loop.create_task(self._run(), context=contextvars.Context())
+        self._watching = self._loop.create_task(self._watch(), context=contextvars.Context())
+
+    # --- the connection ----------------------------------------------------------------------------------------------
+
+    @property
+    def connected(self) -> bool:
+        """Tell whether the broker is there and knows our subscriptions."""
+        return self._up.is_set()
+
+    async def wait_connected(self, seconds: float) -> bool:
+        """Wait until the broker is there, at most `seconds`."""
+        try:
+            async with asyncio.timeout(seconds):
+                await self._up.wait()
+        except TimeoutError:
+            return False
+        return True
+
+    def serves(self, loop: asyncio.AbstractEventLoop) -> bool:
+        """Tell whether this bridge lives on `loop`."""
+        return self._loop is loop and not (self._task.done() or self._watching.done())
+
+    async def close(self) -> None:
+        """Leave the broker and stop trying."""
+        await cancel(self._task, self._watching)
+
+    async def _run(self) -> None:
+        attempt = 0
+        while True:
+            try:
+                await self._serve()
+            except aiomqtt.MqttError as error:
+                log.warning("bridge_lost attempt=%d reason=%s", attempt, error)
+            attempt = 0 if self._up.is_set() else attempt + 1
+            self._up.clear()
+            await asyncio.sleep(broker_address.backoff(attempt, self._rng.random()))
+
+    async def _watch(self) -> None:
+        """Look which parts of the server do their work, and have whoever listens told."""
+        while True:
+            await asyncio.sleep(WATCH_SECONDS)
+            now = time.monotonic()
+            if self._client is not None and self._delivery.watch.wants_probe(now):
+                self._launch(functools.partial(self._probe, self._client))
+            self._delivery.bring_faults(now)
+
+    async def _probe(self, client: aiomqtt.Client) -> None:
+        await client.publish(topics.PROBE, b"", qos=1)
+        if client is self._client:
+            self._delivery.watch.answered()
+
+    async def _serve(self) -> None:
+        """Connect, subscribe to everything that is listened to, and stay until the broker is gone.
+
+        Raises:
+            MqttError: it is gone, or was never there, or refuses us.
+        """
+        inbox = functools.partial(Inbox, self._receive)
+        async with broker_address.client(self._address, self._credentials, f"web-{secrets.token_hex(8)}", inbox) as client:
+            client.pending_calls_threshold = MAX_FLYING
+            read_quickly(client, chunk=PIECE)
+            self._client, self._writer = client, writer_of(client)
+            try:
+                wanted = [
+                    (topics.session_news("+"), 1),
+                    (topics.MANAGER_STATUS, 0),
+                    *(pair for robot in self._delivery.robots for pair in _filters(robot)),
+                ]
+                broker_address.check_subscribed(await client.subscribe(wanted))
+                self._arrive()
+                async for _ in client.messages:
+                    pass  # never reached: the inbox hands messages on by itself, and this waits for the end of the connection
+            finally:
+                self._depart()
+
+    def _arrive(self) -> None:
+        log.info("bridge_connected host=%s port=%d", self._address.host, self._address.port)
+        self._up.set()
+        self._delivery.watch.link_changed(time.monotonic(), up=True)
+        stops = [stop for stop in self._stops if stop.deadline > time.monotonic()]
+        self._stops.clear()
+        for stop in stops:
+            self._fly_stop(stop)
+        for (robot, suffix), payload in self._retained.items():
+            self._fly(topics.of(robot, suffix), payload, qos=1, retain=True)
+        self._send_reports()
+        self._delivery.bring_everybody(Letter(LINK, True))
+
+    def _depart(self) -> None:
+        self._client = self._writer = None
+        for flying in self._flying:
+            flying.cancel()
+        self._delivery.lose_sight()
+        self._delivery.watch.link_changed(time.monotonic(), up=False)
+        if self._up.is_set():
+            self._delivery.bring_everybody(Letter(LINK, False))
+
+    def _receive(self, message: aiomqtt.Message) -> None:
+        self.counts["arrived"] += 1
+        topic, payload = str(message.topic), message.payload
+        raw = bytes(payload) if isinstance(payload, bytes | bytearray) else str(payload or "").encode()
+        try:
+            self._delivery.arrive(topic, raw, time.monotonic())
+        except Rejection as rejection:
+            self.counts[rejection.reason] += 1
+            log.warning("bridge_message_rejected topic=%s reason=%s count=%d", topic, rejection, self.counts[rejection.reason])
+
+    # --- listening ---------------------------------------------------------------------------------------------------
+
+    def listen(self, robot: str, listener: Listener) -> KnownRobot:
+        """Have a robot's messages brought to a listener; returns what is known of it, which goes on being updated."""
+        if self._delivery.listen(robot, listener) and self._client is not None:
+            self._launch(functools.partial(self._client.subscribe, list(_filters(robot))))
+        return self._delivery.known[robot]
+
+    def ignore(self, robot: str, listener: Listener) -> None:
+        """Stop bringing a robot's messages to a listener; the last one out ends the subscription."""
+        if not self._delivery.ignore(robot, listener):
+            return
+        for key in [key for key in self._retained if key[0] == robot]:
+            del self._retained[key]
+        if self._client is not None:
+            self._launch(functools.partial(self._client.unsubscribe, [filter_ for filter_, _ in _filters(robot)]))
+
+    def follow(self, session: str, listener: Listener) -> None:
+        """Have the news of a session brought to a listener."""
+        self._delivery.follow(session, listener)
+
+    def unfollow(self, session: str, listener: Listener) -> None:
+        """Stop bringing them."""
+        self._delivery.unfollow(session, listener)
+
+    # --- speaking ----------------------------------------------------------------------------------------------------
+
+    def send(self, robot: str, suffix: str, message: Message) -> bool:
+        """Publish a message to a robot as the topic table says; False when the broker is away or does not keep up."""
+        line = topics.find(suffix)
+        assert line is not None
+        assert line.direction == "to_robot"
+        return self._fly(topics.of(robot, suffix), codec.encode(message), qos=line.qos)
+
+    def send_stop(self, robot: str, action: Action) -> None:
+        """Publish a stop or an e-stop; while the broker does not confirm it, again for 3 s at most."""
+        self._fly_stop(_Stop(topics.of(robot, "command/action"), codec.encode(action), time.monotonic() + STOP_SECONDS))
+
+    def retain(self, robot: str, suffix: str, message: Message) -> None:
+        """Publish what a robot must find retained, and again whenever the broker comes back, while somebody listens here."""
+        payload = codec.encode(message)
+        self._retained[robot, suffix] = payload
+        self._fly(topics.of(robot, suffix), payload, qos=1, retain=True)
+
+    def publish_lease(self, robot: str, lease: Lease | None) -> bool:
+        """Publish who drives (None: nobody) and act on it here at once.
+
+        Not remembered for a restarted broker: whoever holds the session asks the database first, which alone knows whether the lease
+        still lives.
+        """
+        self._delivery.note_lease(robot, lease, time.monotonic())
+        return self._fly(topics.of(robot, "lease"), b"" if lease is None else codec.encode(lease), qos=1, retain=True)
+
+    def tell_session(self, news: ServerNews) -> bool:
+        """Publish news of a session for every web process and the session manager."""
+        return self._fly(topics.session_news(news.session), codec.encode(news), qos=1)
+
+    def report(self, topic: str, message: Message) -> None:
+        """Publish something for the record; kept, within bounds, while the broker is away."""
+        if len(self._reports) >= MAX_REPORTS:
+            self._reports.popleft()
+            self.counts["report_dropped"] += 1
+        self._reports.append((topic, codec.encode(message)))
+        self._send_reports()
+
+    def _send_reports(self) -> None:
+        while self.connected and self._client is not None and self._reports and len(self._flying) < REPORTS_FLYING:
+            topic, payload = self._reports.popleft()
+            back = functools.partial(self._reports.append, (topic, payload))
+            self._launch(functools.partial(self._client.publish, topic, payload, qos=1), failed=back)
+
+    def _fly(self, topic: str, payload: bytes, *, qos: int, retain: bool = False) -> bool:
+        if self._client is None or len(self._flying) >= MAX_FLYING:
+            self.counts["unsent"] += 1
+            return False
+        if qos == 0 and self._writer is not None and not self._unsaid:  # else it would overtake what was said before it
+            return self._write(self._writer, topic, payload)
+        self._launch(functools.partial(self._client.publish, topic, payload, qos=qos, retain=retain))
+        return True
+
+    def _write(self, writer: QuickWriter, topic: str, payload: bytes) -> bool:
+        began = time.monotonic()
+        written = writer.publish(topic, payload)
+        self.counts["sent" if written else "unsent"] += 1
+        if written:
+            SEND_SECONDS.observe(time.monotonic() - began)
+        return written
+
+    def _fly_stop(self, stop: _Stop) -> None:
+        if self._client is None:
+            self._stops.append(stop)
+            return
+        self._launch(functools.partial(self._client.publish, stop.topic, stop.payload, qos=1), failed=functools.partial(self._stop_again, stop))
+
+    def _stop_again(self, stop: _Stop) -> None:
+        if self._client is not None and time.monotonic() + STOP_AGAIN_SECONDS < stop.deadline:
+            self._loop.call_later(STOP_AGAIN_SECONDS, self._fly_stop, stop)
+        else:
+            self._stops.append(stop)
+
+    def _launch(self, exchange: Callable[[], Coroutine[Any, Any, Any]], failed: Callable[[], None] | None = None) -> None:
+        """Run one exchange with the broker beside everything else; packets leave in the order of the calls."""
+        task = self._loop.create_task(self._exchange(exchange))
+        self._flying.add(task)
+        self._unsaid.add(task)
+        task.add_done_callback(functools.partial(self._land, failed, time.monotonic()))
+
+    async def _exchange(self, exchange: Callable[[], Coroutine[Any, Any, Any]]) -> None:
+        task = asyncio.current_task()
+        assert task is not None
+        self._unsaid.discard(task)  # the client takes the packet before it waits for anything
+        await exchange()
+
+    def _land(self, failed: Callable[[], None] | None, began: float, task: asyncio.Task[Any]) -> None:
+        self._flying.discard(task)
+        self._unsaid.discard(task)
+        error = None if task.cancelled() else task.exception()
+        if error is not None and not isinstance(error, aiomqtt.MqttError):
+            raise error  # ours, and the loop logs it
+        if error is not None or task.cancelled():
+            self.counts["unconfirmed"] += 1
+            log.info("bridge_unconfirmed reason=%s", error or "link_lost")
+            if failed is not None:
+                failed()
+        else:
+            self.counts["sent"] += 1
+            SEND_SECONDS.observe(time.monotonic() - began)
+        self._send_reports()
+
+
+def _filters(robot: str) -> tuple[tuple[str, int], ...]:
+    lines = ((suffix, topics.find(suffix.replace("+", "x"))) for suffix in LISTENED)
+    return tuple((topics.of(robot, suffix), 0 if suffix in SHOWN else line.qos) for suffix, line in lines if line is not None)
+
+
+# --- the one of this process -----------------------------------------------------------------------------------------
+
+
+class _Process:
+    bridge: Any = None
+
+
+def current() -> Bridge:
+    """Return the bridge of this process, started on the running loop by whoever asks first."""
+    if _Process.bridge is None or not _Process.bridge.serves(asyncio.get_running_loop()):
+        _Process.bridge = Bridge(settings.MQTT_URL, server_credentials("web"), random.Random())  # noqa: S311 -- spreads reconnections, keeps no secret
+    bridge: Bridge = _Process.bridge
+    return bridge
+
+
+def use(bridge: Any) -> None:
+    """Put a double in its place, or with None forget it (for tests)."""
+    _Process.bridge = bridge

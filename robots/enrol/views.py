@@ -1,0 +1,70 @@
+"""The doors through which an agent gets its credentials: by a one-time token, and anew by those that it has. POST alone, no cookies."""
+
+import logging
+from typing import Any
+
+import msgspec
+from django.http import HttpRequest, JsonResponse
+from django.utils import timezone
+from django.views.decorators.cache import never_cache
+from django.views.decorators.csrf import csrf_exempt
+from django.views.decorators.http import require_POST
+
+from accounts import audit
+from accounts.attempts import Attempts
+from accounts.rate_limits import limited
+from robots.enrol import credentials, tokens
+from robots.enrol.credentials import Credentials
+from robots.views import bearer
+
+log = logging.getLogger(__name__)
+LARGEST = 4096
+ENROLLING, RENEWING = Attempts("enrol", limit=10), Attempts("renew", limit=20)
+
+
+class Asked(msgspec.Struct):
+    """What an agent shows to be enrolled."""
+
+    robot: str
+    token: str
+
+
+@csrf_exempt
+@never_cache
+@require_POST
+@limited(ENROLLING, json=True, refusals={400, 403})
+def enrol(request: HttpRequest) -> JsonResponse:
+    """Exchange a one-time token for credentials: {"robot", "token"} in, {"robot", "token"} out."""
+    try:
+        asked = msgspec.json.decode(request.body[:LARGEST], type=Asked)
+    except (msgspec.DecodeError, RecursionError):
+        return JsonResponse({"error": "malformed", "detail": "Send a JSON object with robot and token."}, status=400)
+    made = tokens.redeem(asked.robot, asked.token, timezone.now())
+    if made is None:
+        log.warning("enrolment_refused robot=%.80r", asked.robot)
+        detail = "This token was used, has expired, or is another robot's: its owner can make a new one in the administration."
+        return JsonResponse({"error": "unknown_token", "detail": detail}, status=403)
+    audit.note("robot_enrolled", robot=asked.robot)
+    return JsonResponse(_told(made))
+
+
+@csrf_exempt
+@never_cache
+@require_POST
+@limited(RENEWING, json=True, refusals={401})
+def renew(request: HttpRequest) -> JsonResponse:
+    """Give an agent new credentials, if somebody asked for that; what it shows holds for a while longer."""
+    name, token = bearer(request.headers.get("Authorization", ""))
+    robot = credentials.robot_of(name, token) if name and token else None
+    if robot is None:
+        return JsonResponse({"error": "wrong_credentials", "detail": "These credentials do not hold (any more)."}, status=401)
+    is_former = not credentials.matches(token, robot.credential_hash)
+    if robot.renewal_asked_at is None and not is_former:
+        return JsonResponse({"robot": robot.name})
+    made = credentials.rotate(robot, token, timezone.now())
+    audit.note("credentials_rotated", robot=robot.name)
+    return JsonResponse(_told(made))
+
+
+def _told(made: Credentials) -> dict[str, Any]:
+    return {"robot": made.robot, "user": made.user or made.robot, "token": made.token}

@@ -1,0 +1,104 @@
+"""plan.json to map.png and map.yaml: `python -m robots.world.render_plan DIRECTORY`.
+
+A cell is occupied when at least half of it is, unknown outside of the rooms, free elsewhere. Doors are left out: they are open
+today and closed tomorrow.
+"""
+
+import argparse
+import logging
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from robots.api import floorplan
+from robots.api.floorplan import FloorPlan
+from robots.api.geometry import MapTransform, Pose2D
+from robots.world.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, write_grid
+from robots.world.solids import Floats, bar, fixed_solids, inside
+
+RESOLUTION = 0.05
+MARGIN = 0.1
+SAMPLES = 4  # a side of a cell
+
+log = logging.getLogger(__name__)
+
+
+def rasterise(plan: FloorPlan, resolution: float = RESOLUTION) -> OccupancyGrid:
+    """Return the map of a plan, with its origin on a whole cell."""
+    solids = fixed_solids(plan)
+    corners = np.vstack([solid.outline for solid in solids])
+    low = np.floor((corners.min(axis=0) - MARGIN) / resolution + 1e-6).astype(int)
+    high = np.ceil((corners.max(axis=0) + MARGIN) / resolution - 1e-6).astype(int)
+    columns, rows = (high - low).tolist()
+    x, y = _samples(low, rows, columns, resolution)
+    occupied = np.zeros(x.shape, dtype=np.bool_)
+    for solid in solids:
+        near = _window(solid.outline, x[0], y[:, 0])
+        occupied[near] |= inside(solid.outline, x[near], y[near])
+    share = occupied.reshape(rows, SAMPLES, columns, SAMPLES).mean(axis=(1, 3))
+    image = np.full((rows, columns), UNKNOWN, dtype=np.uint8)
+    image[_indoors(plan, *_centres(low, rows, columns, resolution))] = FREE
+    image[share >= 0.5] = OCCUPIED  # noqa: PLR2004 -- half
+    origin = Pose2D(round(float(low[0]) * resolution, 6), round(float(low[1]) * resolution, 6), 0.0)
+    return OccupancyGrid(image, MapTransform(resolution, origin, rows))
+
+
+def _samples(low: npt.NDArray[np.int_], rows: int, columns: int, resolution: float) -> tuple[Floats, Floats]:
+    across = (low[0] + (np.arange(columns * SAMPLES) + 0.5) / SAMPLES) * resolution
+    up = (low[1] + rows - (np.arange(rows * SAMPLES) + 0.5) / SAMPLES) * resolution
+    x, y = np.meshgrid(across, up)
+    return x, y
+
+
+def _window(outline: Floats, across: Floats, up: Floats) -> tuple[slice, slice]:
+    """Return the rows and columns about an outline; `up` falls from row to row."""
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    rows = len(up) - np.searchsorted(up[::-1], [high[1], low[1]], side="right")
+    columns = np.searchsorted(across, [low[0], high[0]])
+    return slice(int(rows[0]), int(rows[1]) + 1), slice(int(columns[0]), int(columns[1]) + 1)
+
+
+def _centres(low: npt.NDArray[np.int_], rows: int, columns: int, resolution: float) -> tuple[Floats, Floats]:
+    across = (low[0] + np.arange(columns) + 0.5) * resolution
+    up = (low[1] + rows - np.arange(rows) - 0.5) * resolution
+    x, y = np.meshgrid(across, up)
+    return x, y
+
+
+def _indoors(plan: FloorPlan, x: Floats, y: Floats) -> npt.NDArray[np.bool_]:
+    result = np.zeros(x.shape, dtype=np.bool_)
+    for room in plan.rooms:
+        result |= _in_polygon(np.array(room.polygon), x, y)
+    for opening in plan.openings:
+        result |= inside(bar(opening.start, opening.end, opening.thickness), x, y)
+    return result
+
+
+def _in_polygon(polygon: Floats, x: Floats, y: Floats) -> npt.NDArray[np.bool_]:
+    result = np.zeros(x.shape, dtype=np.bool_)
+    for (ax, ay), (bx, by) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        if ay != by:
+            result ^= ((ay > y) != (by > y)) & (x < ax + (y - ay) / (by - ay) * (bx - ax))
+    return result
+
+
+def write_map(directory: Path) -> OccupancyGrid:
+    """Draw `directory`/plan.json into map.png and map.yaml beside it.
+
+    Raises:
+        FloorPlanError: the plan cannot be used.
+        OSError: a file cannot be read or written.
+    """
+    grid = rasterise(floorplan.decode((directory / "plan.json").read_bytes()))
+    write_grid(grid, directory)
+    return grid
+
+
+if __name__ == "__main__":
+    logging.basicConfig(level=logging.INFO)
+    parser = argparse.ArgumentParser(description="Draw a plan.json into a map_server map.")
+    parser.add_argument("directory", type=Path)
+    target = parser.parse_args().directory
+    drawn = write_map(target)
+    log.info("map_written", extra={"directory": str(target), "cells": drawn.image.size})

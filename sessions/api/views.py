@@ -1,0 +1,218 @@
+"""The JSON API for other programs, version 1: which robots there are and how they are; docs/reference/json-api.md describes it.
+
+Everybody may read what the site shows everybody. A key (sessions/api/keys.py) is of one robot: it also reads how that one is, and may
+stop it or send it home. It cannot drive: a robot moves only for whoever holds its lease, and a lease is for persons.
+"""
+
+import datetime
+import functools
+import json
+import time
+import uuid
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from channels.db import database_sync_to_async
+from django.db.models import Count, Q
+from django.http import HttpRequest, JsonResponse
+from django.urls import reverse
+from django.utils import timezone
+from django.views.decorators.cache import never_cache
+from django.views.decorators.csrf import csrf_exempt
+from django.views.decorators.http import require_POST, require_safe
+
+from accounts.attempts import Attempts, address_of
+from robots.access import robots_visible_to
+from robots.api.messages import EStop, Stop
+from robots.bridge import bridge as mqtt_bridge
+from robots.models import Robot
+from robots.presence import trouble_of
+from sessions import system_log
+from sessions.api.keys import key_of, note_use
+from sessions.leases.store import LIVE
+from sessions.models import ApiKey, Session
+
+VERSION = 1
+REFUSED = Attempts("api-refused", limit=20)
+ACTED = Attempts("api-acted", limit=30)
+ACTIONS = ("stop", "estop", "dock")
+MAX_BODY = 1024
+BROKER_PATIENCE_SECONDS = 1.0
+AT_THE_WHEEL = (Session.State.CONNECTING, Session.State.DRIVING, Session.State.RECONNECTING)
+View = Callable[[HttpRequest, ApiKey | None], JsonResponse]
+
+
+def _problem(status: int, error: str, detail: str) -> JsonResponse:
+    return JsonResponse({"apiVersion": VERSION, "error": error, "detail": detail}, status=status)
+
+
+def _too_many(error: str, seconds: int) -> JsonResponse:
+    answer = _problem(429, error, f"Ask again in {seconds} seconds.")
+    answer["Retry-After"] = str(seconds)
+    return answer
+
+
+def _key_or_problem(request: HttpRequest) -> ApiKey | JsonResponse | None:
+    """Return the key that comes along, None when none does, or what is wrong with it."""
+    header = request.headers.get("Authorization", "")
+    if not header:
+        return None
+    address, now = address_of(request), time.time()
+    if not REFUSED.are_left(address, now):
+        return _too_many("too_many_attempts", REFUSED.wait(address, now))
+    key = key_of(header)
+    if key is None:
+        REFUSED.count(address, now)
+        return _problem(401, "wrong_key", "Send “Authorization: Bearer KEY” with a key of a robot, or none.")
+    note_use(key, timezone.now())
+    return key
+
+
+# --- reading ---------------------------------------------------------------------------------------------------------
+
+
+@never_cache
+@require_safe
+def robots(request: HttpRequest) -> JsonResponse:
+    """List the robots that whoever asks may know of, by name."""
+    key = _key_or_problem(request)
+    if isinstance(key, JsonResponse):
+        return key
+    rows = _with_traffic(_visible(request, key)).order_by("name")
+    return JsonResponse({"apiVersion": VERSION, "robots": [_told(request, row, key, timezone.now()) for row in rows]})
+
+
+@never_cache
+@require_safe
+def robot(request: HttpRequest, robot: str) -> JsonResponse:
+    """Tell how one robot is."""
+    key = _key_or_problem(request)
+    if isinstance(key, JsonResponse):
+        return key
+    row = _with_traffic(_visible(request, key)).filter(name=robot).first()
+    if row is None:
+        return _problem(404, "no_such_robot", "There is none of this name that you may know of.")
+    return JsonResponse({"apiVersion": VERSION, "robot": _told(request, row, key, timezone.now())})
+
+
+def _visible(request: HttpRequest, key: ApiKey | None) -> Any:
+    visible = robots_visible_to(request.user).values("pk")
+    return Robot.objects.filter(Q(pk__in=visible) | Q(pk=key.robot_id)) if key is not None else Robot.objects.filter(pk__in=visible)
+
+
+def _with_traffic(rows: Any) -> Any:
+    driven, waiting = Q(sessions__state__in=AT_THE_WHEEL), Q(sessions__state=Session.State.WAITING)
+    counted = rows.annotate(driven=Count("sessions", filter=driven), waiting=Count("sessions", filter=waiting))
+    return counted.select_related("floor_plan").defer("floor_plan__image")
+
+
+def _told(request: HttpRequest, row: Any, key: ApiKey | None, now: datetime.datetime) -> dict[str, Any]:
+    plan, factsheet = row.floor_plan, row.factsheet or {}
+    online = row.is_online(now)
+    report = (row.report or {}) if online else {}
+    battery = report.get("battery") or {}
+    told = {
+        "name": row.name,
+        "title": row.title,
+        "description": row.description,
+        "state": _state(row, report, online=online),
+        "online": online,
+        "lastSeenAt": row.last_seen_at and row.last_seen_at.isoformat(),
+        "driven": bool(row.driven),
+        "waiting": row.waiting,
+        "turnaround": row.turnaround,
+        "charge": battery.get("charge"),
+        "charging": battery.get("charging", False) if battery else None,
+        "docked": report.get("docked", False) if report else None,
+        "series": factsheet.get("series", ""),
+        "capabilities": list(factsheet.get("capabilities", ())),
+        "places": [{name: place.get(name) for name in ("name", "x", "y")} for place in (plan.plan.get("places", ()) if plan else ())],
+        "floorPlan": request.build_absolute_uri(reverse("floor_plan", args=[plan.name])) if plan else None,
+        "page": request.build_absolute_uri(reverse("drive", args=[row.name])),
+    }
+    if key is not None and key.robot_id == row.pk:
+        told |= {name: report.get(name) for name in ("pose", "velocity", "mode", "safety", "errors")} | {"reason": row.turnaround_reason}
+    return told
+
+
+def _state(row: Any, report: dict[str, Any], *, online: bool) -> str:
+    if not online:
+        return "offline"
+    if (report.get("safety") or {}).get("estop") is True or trouble_of(report):
+        return "stopped"
+    return "busy" if row.driven or row.waiting or (row.can_go_home and row.turnaround != Robot.Turnaround.READY) else "available"
+
+
+# --- acting ----------------------------------------------------------------------------------------------------------
+
+
+def _counted(view: Callable[[HttpRequest, ApiKey, str], Awaitable[JsonResponse]]) -> Callable[..., Awaitable[JsonResponse]]:
+    """Let only the robot's own key through, so often a minute."""
+
+    @functools.wraps(view)
+    async def checked(request: HttpRequest, robot: str) -> JsonResponse:
+        key = await database_sync_to_async(_key_or_problem)(request)
+        if isinstance(key, JsonResponse):
+            return key
+        if key is None or key.robot.name != robot:
+            return _problem(403, "not_allowed", "A robot is acted on with a key of its own.")
+        name, now = str(key.pk), time.time()
+        if not ACTED.count(name, now):
+            return _too_many("too_many_actions", ACTED.wait(name, now))
+        kind = _kind(request)
+        if kind is None:
+            return _problem(400, "unknown_action", f"Send a JSON object with “type”: {', '.join(ACTIONS)}.")
+        return await view(request, key, kind)
+
+    return checked
+
+
+def _kind(request: HttpRequest) -> str | None:
+    if len(request.body) > MAX_BODY:
+        return None
+    try:
+        asked = json.loads(request.body)
+    except (ValueError, RecursionError):
+        return None
+    kind = asked.get("type") if isinstance(asked, dict) else None
+    return kind if kind in ACTIONS else None
+
+
+@csrf_exempt  # no cookie counts here
+@never_cache
+@require_POST
+@_counted
+async def act(_request: HttpRequest, key: ApiKey, kind: str) -> JsonResponse:
+    """Stop a robot, or send it home; 202: it was told, and its state says the rest."""
+    now = timezone.now()
+    done = await (_send_home(key, now) if kind == "dock" else _stop(key, kind, now))
+    await database_sync_to_async(system_log.log)("api_action", robot=key.robot, at=now, type=kind, key=key.label, answer=done.status_code)
+    return done
+
+
+async def _stop(key: ApiKey, kind: str, now: datetime.datetime) -> JsonResponse:
+    bridge = mqtt_bridge.current()
+    if not await bridge.wait_connected(BROKER_PATIENCE_SECONDS):
+        return _problem(503, "broker_away", "The robot cannot be told now.")
+    named = {"action_id": f"api-{uuid.uuid4().hex}", "stamp": now.timestamp(), "role": "owner", "user": key.label[:60]}
+    action = EStop(**named, detail="api") if kind == "estop" else Stop(**named)
+    bridge.send_stop(key.robot.name, action)
+    return JsonResponse({"apiVersion": VERSION, "actionId": action.action_id}, status=202)
+
+
+async def _send_home(key: ApiKey, now: datetime.datetime) -> JsonResponse:
+    """Have the session manager bring it home as after a visit, unless it is somebody's."""
+    if not key.robot.can_go_home:
+        return _problem(409, "cannot_go_home", "It does not dock by itself, or its owner does not want it to.")
+    if not await database_sync_to_async(_mark_returning)(key.robot, now):
+        return _problem(409, "driven", "Somebody has it; it goes home when that visit is over.")
+    return JsonResponse({"apiVersion": VERSION}, status=202)
+
+
+def _mark_returning(robot: Robot, now: datetime.datetime) -> bool:
+    """Mark it, in one statement that finds it free; what is on its way already stays so."""
+    free = Robot.objects.filter(pk=robot.pk).exclude(pk__in=Session.objects.filter(robot=robot, state__in=LIVE).values("robot_id"))
+    marked = free.filter(turnaround=Robot.Turnaround.READY).update(
+        turnaround=Robot.Turnaround.RETURNING, turnaround_reason="dock", turnaround_at=now
+    )  # fmt: skip
+    return bool(marked) or free.exclude(turnaround=Robot.Turnaround.READY).exists()

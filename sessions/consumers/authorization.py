@@ -1,0 +1,319 @@
+"""Who may say what to a robot: the rules of one page's connection, without a socket, a broker or a database.
+
+A page is a guest, waits or drives, and may watch unless it drives. Whatever it says about its role, session, epoch or peer is
+replaced by what the server knows: the peer that the server made, the session and epoch of the grant, and the lease that is in force.
+A frame ends in one effect: something to publish, a verb for the database, a report for the record, or a refusal, which is counted
+and told to the page but never raised.
+"""
+
+import collections
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import msgspec
+
+from robots.api import codec, topics
+from robots.api.errors import Rejection
+from robots.api.messages import (
+    Action,
+    Bye,
+    Cancel,
+    Candidate,
+    ClearEStop,
+    CommandHeartbeat,
+    EStop,
+    IceServer,
+    Lease,
+    Message,
+    Offer,
+    Photo,
+    PictureRequest,
+    PointCommand,
+    Relocalize,
+    ResendStates,
+    Stop,
+    VelocityCommand,
+)
+from sessions import protocol
+from sessions.consumers.rate_limits import Allowance
+
+Standing = Literal["guest", "waiting", "driver"]
+Operator = Literal["owner", "staff"]
+# What somebody who operates the robot may ask without driving it.
+OPERATORS_OWN: tuple[type[Action], ...] = (ClearEStop, Photo, Relocalize, Cancel)
+TELL_AGAIN_SECONDS = 1.0
+
+
+@dataclass(frozen=True)
+class Publish:
+    """Send a message to the robot; `wanted` ones that cannot be sent are answered with `denied`."""
+
+    suffix: str
+    message: Message
+    wanted: bool = True
+
+
+@dataclass(frozen=True)
+class Halt:
+    """Send a stop or e-stop to the robot, and do not give up at once."""
+
+    message: Stop | EStop
+
+
+@dataclass(frozen=True)
+class Verb:
+    """Ask the database: a Take, Observe or Leave."""
+
+    message: Message
+
+
+@dataclass(frozen=True)
+class Report:
+    """Tell the session manager for the record."""
+
+    message: protocol.PageReport
+
+
+@dataclass(frozen=True)
+class Spare:
+    """Leave out what the page hears directly from its robot, or do so no longer."""
+
+    direct: bool
+
+
+@dataclass(frozen=True)
+class Deny:
+    """Tell the page that a frame of it was refused."""
+
+    suffix: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Close:
+    """End the connection."""
+
+    code: int
+
+
+Effect = Publish | Halt | Verb | Report | Spare | Deny | Close
+
+
+class Refused(Exception):  # noqa: N818 -- the page's word for it
+    """A frame that this page may not send now; the message is the reason in one word."""
+
+
+class Room:
+    """One page's place in a robot's room.
+
+    Args:
+        peer: the id that the server made for this connection; a page that resumes gets its old one back with the grant.
+        who: the visitor's shown name.
+        operator: whether the visitor operates the robot, and as what.
+        ice_servers: what the robot is to use for its side of a connection with this page.
+    """
+
+    def __init__(self, peer: str, who: str, operator: Operator | None = None, ice_servers: tuple[IceServer, ...] = ()) -> None:
+        self.peer = peer
+        self.who = who[:120]
+        self.operator = operator
+        self.ice_servers = ice_servers
+        self.standing: Standing = "guest"
+        self.watches = False
+        self.session: str | None = None
+        self.epoch = 0
+        self.velocity_seq = 0
+        self.velocity_at = float("-inf")
+        self.awaits_picture = False
+        self.refused: collections.Counter[str] = collections.Counter()
+        self._allowance = Allowance()
+        self._told: dict[tuple[str, str], float] = {}
+
+    # --- what the database decided -----------------------------------------------------------------------------------
+
+    def drive(self, session: str, epoch: int, peer: str) -> None:
+        """The page was granted the robot."""
+        self.standing, self.session, self.epoch, self.peer, self.watches = "driver", session, epoch, peer, False
+        self.velocity_seq = 0
+
+    def wait(self, session: str) -> None:
+        """The page waits for the robot; meanwhile it may watch."""
+        self.standing, self.session, self.epoch = "waiting", session, 0
+
+    def observe(self) -> None:
+        """The page watches."""
+        self.watches = True
+
+    def leave(self) -> None:
+        """The page neither drives nor waits nor watches any more."""
+        self.awaits_picture = False
+        self.standing, self.session, self.epoch, self.watches = "guest", None, 0, False
+
+    def holds(self, lease: Lease | None) -> bool:
+        """Tell whether this page is the one that the lease names."""
+        return (
+            lease is not None
+            and self.standing == "driver"
+            and (lease.session, lease.epoch, lease.peer) == (self.session, self.epoch, self.peer)
+        )  # fmt: skip
+
+    def may_see_picture(self, lease: Lease | None) -> bool:
+        """Tell whether a picture that the robot sent through the server goes to this page: one for each that it asked for.
+
+        Asked again here, because since it asked the page may have lost the robot.
+        """
+        asked, self.awaits_picture = self.awaits_picture, False
+        return asked and (self.watches or self.holds(lease))
+
+    # --- what the page says ------------------------------------------------------------------------------------------
+
+    def receive(self, frame: str | bytes, lease: Lease | None, now: float) -> tuple[Effect, ...]:
+        """Decide about a frame; `now` is monotonic seconds, `lease` the one in force."""
+        suffix = ""
+        try:
+            suffix, payload = _split(frame)
+            return (self._effect(suffix, _decode(suffix, payload), lease, now),)
+        except Rejection as rejection:
+            return self.deny(suffix, rejection.reason, now)
+        except Refused as refused:
+            return self.deny(suffix, str(refused), now)
+
+    def deny(self, suffix: str, reason: str, now: float) -> tuple[Effect, ...]:
+        """Count a refusal; tell the page of the same one at most once a second, and end the connection in a flood."""
+        self.refused[reason] += 1
+        if self._allowance.floods(now):
+            return (Close(protocol.FLOODED),)
+        key = (suffix if suffix in KNOWN else "", reason)
+        if now - self._told.get(key, float("-inf")) < TELL_AGAIN_SECONDS:
+            return ()
+        self._told[key] = now
+        return (Deny(suffix[:80], reason),)
+
+    def _effect(self, suffix: str, message: Any, lease: Lease | None, now: float) -> Effect:  # noqa: PLR0911 -- a table
+        self._check_rate(message, now)
+        match message:
+            case VelocityCommand():
+                return self._velocity(message, lease, now)
+            case CommandHeartbeat():
+                self._check_driver(lease)
+                return Publish(suffix, msgspec.structs.replace(message, peer=self.peer), wanted=False)
+            case Stop() | EStop():
+                return Halt(self._stamp_stop(message, lease))
+            case Action():
+                return Publish(suffix, self._stamp_action(message, lease))
+            case PictureRequest():
+                return self._picture(message, lease)
+            case PointCommand():
+                return self._point(suffix, message, lease)
+            case Offer() | Candidate() | Bye():
+                return Publish(f"signal/{self.peer}", self._stamp_signal(message, lease))
+            case protocol.PageEvent() | protocol.PageNetwork():
+                return Report(self._report(suffix, message))
+            case protocol.Direct():
+                return Spare(message.direct)
+        return Verb(message)
+
+    def _check_rate(self, message: Any, now: float) -> None:
+        if isinstance(message, VelocityCommand):
+            passes = self._allowance.velocity(now)
+        elif isinstance(message, Stop | EStop):
+            passes = self._allowance.stop(now)
+        elif isinstance(message, protocol.PageEvent | protocol.PageNetwork):
+            passes = self._allowance.report(now)
+        elif isinstance(message, PointCommand):
+            passes = self._allowance.point(now)
+        else:
+            passes = self._allowance.other(now) and (not isinstance(message, Photo) or self._allowance.photo(now))
+        if not passes:
+            raise Refused("rate")
+
+    def _check_driver(self, lease: Lease | None) -> None:
+        if not self.holds(lease):
+            raise Refused("observer" if self.watches else "not_driver")
+
+    def _velocity(self, command: VelocityCommand, lease: Lease | None, now: float) -> Publish:
+        self._check_driver(lease)
+        assert self.session is not None
+        self.velocity_seq, self.velocity_at = max(self.velocity_seq, command.seq), now
+        return Publish("command/velocity", msgspec.structs.replace(command, session=self.session, epoch=self.epoch), wanted=False)
+
+    def _picture(self, request: PictureRequest, lease: Lease | None) -> Publish:
+        if not (self.watches or self.holds(lease)):
+            raise Refused("not_driver" if self.standing == "driver" else "no_role")
+        self.awaits_picture = True
+        return Publish("command/picture", msgspec.structs.replace(request, peer=self.peer), wanted=False)
+
+    def _point(self, suffix: str, command: PointCommand, lease: Lease | None) -> Publish:
+        self._check_driver(lease)
+        stamped = msgspec.structs.replace(command, role="driver", peer=self.peer, session=self.session, epoch=self.epoch)
+        return Publish(suffix, stamped, wanted=False)
+
+    def _stamp_stop(self, action: Stop | EStop, lease: Lease | None) -> Stop | EStop:
+        if self.holds(lease):
+            return msgspec.structs.replace(action, session=self.session, epoch=self.epoch, role="driver", user=self.who)
+        stamped = msgspec.structs.replace(action, session=None, epoch=0, role=self.operator or "observer", user=self.who)
+        # The number belongs to the driver's counter: a stranger's would kill commands that the driver has yet to send.
+        return msgspec.structs.replace(stamped, seq=0) if isinstance(stamped, Stop) else stamped
+
+    def _stamp_action(self, action: Action, lease: Lease | None) -> Action:
+        if isinstance(action, ResendStates):
+            raise Refused("not_allowed")
+        if isinstance(action, ClearEStop) or (self.operator and isinstance(action, OPERATORS_OWN) and not self.holds(lease)):
+            if self.operator is None:
+                raise Refused("not_allowed")
+            return msgspec.structs.replace(action, session=None, epoch=0, role=self.operator, user=self.who)
+        self._check_driver(lease)
+        return msgspec.structs.replace(action, session=self.session, epoch=self.epoch, role="driver", user=self.who)
+
+    def _stamp_signal(self, signal: Offer | Candidate | Bye, lease: Lease | None) -> Message:
+        drives = self.holds(lease)
+        if not drives and not self.watches:
+            raise Refused("not_driver" if self.standing == "driver" else "no_role")
+        if not isinstance(signal, Offer):
+            return signal
+        return Offer(
+            sdp=signal.sdp,
+            role="driver" if drives else "observer",
+            session=self.session if drives else None,
+            epoch=self.epoch if drives else 0,
+            who=self.who,
+            ice_servers=self.ice_servers,
+        )
+
+    def _report(self, suffix: str, message: Message) -> protocol.PageReport:
+        if self.session is None:
+            raise Refused("no_session")
+        assert suffix in {"page/event", "page/network"}
+        encoded = codec.encode(message)
+        if len(encoded) > protocol.MAX_REPORT:
+            raise Refused("oversized")
+        return protocol.PageReport(suffix=suffix, session=self.session, message=msgspec.Raw(encoded))  # type: ignore[arg-type]
+
+    def parting_stop(self, action_id: str, stamp: float, lease: Lease | None, now: float) -> Stop | None:
+        """Return the stop to send when the page's socket has closed while it drove over it; None when it did not.
+
+        A page whose commands take the data channel is none of the socket's business, nor is one that has stopped by itself.
+        """
+        if not self.holds(lease) or now - self.velocity_at > TELL_AGAIN_SECONDS:
+            return None
+        return Stop(
+            action_id=action_id, stamp=stamp, session=self.session, epoch=self.epoch, role="driver", user=self.who, seq=self.velocity_seq
+        )  # fmt: skip
+
+
+KNOWN = frozenset({*topics.FROM_PAGE, *protocol.TO_SERVER, protocol.SIGNAL})
+
+
+def _split(frame: str | bytes) -> tuple[str, str]:
+    if len(frame) > protocol.MAX_FRAME:
+        raise Rejection("oversized", f"{len(frame)} bytes")
+    text = frame if isinstance(frame, str) else frame.decode("utf-8", "replace")
+    suffix, newline, payload = text.partition("\n")
+    if not newline:
+        raise Rejection("malformed", "no suffix in front of the message")
+    return suffix, payload
+
+
+def _decode(suffix: str, payload: str) -> Any:
+    """Return the message of one of the suffixes that a page may use; the Robot API has more, for servers and robots."""
+    return codec.decode(suffix, payload, "to_robot") if suffix in topics.FROM_PAGE else protocol.decode(suffix, payload)

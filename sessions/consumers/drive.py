@@ -1,0 +1,264 @@
+"""The page's WebSocket: decode, ask, perform. The rules stand in sessions/consumers/authorization.py, the session's part in sessions/consumers/page_session.py."""
+
+import asyncio
+import logging
+import random
+import secrets
+import time
+import uuid
+from collections.abc import Coroutine
+from typing import Any
+
+import msgspec
+from channels.db import database_sync_to_async
+from django.conf import settings
+from django.db import DatabaseError, InterfaceError
+from django.utils import timezone
+
+from robots import log_ids
+from robots.api import picture
+from robots.api.messages import Action, Message
+from robots.bridge import bridge
+from robots.bridge.delivery import FAULTS, LINK, Letter
+from robots.ice import ice_servers
+from sessions import protocol
+from sessions.consumers import queries, relay
+from sessions.consumers.authorization import Close, Deny, Effect, Halt, Publish, Report, Room, Spare, Verb
+from sessions.consumers.backpressure import IS_FULL, never_full
+from sessions.consumers.base import DirectConsumer
+from sessions.consumers.page_session import Visit
+from sessions.consumers.peers import company_of, part
+from sessions.consumers.sender import Outbox
+from sessions.devices import device_of, headers_of_scope
+from sessions.leases.policy import PAGE_SEEN_EVERY
+
+log = logging.getLogger(__name__)
+
+WELCOME_EVERY = 60.0
+
+
+class RobotConsumer(DirectConsumer):
+    """One page at one robot. Until the page is let in there is no visit, and whatever it says is ignored."""
+
+    visit: Visit | None = None
+
+    # --- coming and going --------------------------------------------------------------------------------------------
+
+    async def connect(self) -> None:
+        """Let the page in, or close with the reason: a code can only be told to a page whose socket was accepted."""
+        await self.accept()
+        user = self.scope["user"]
+        if not user.is_authenticated:
+            await self.close(protocol.SIGNED_OUT)
+            return
+        door = await database_sync_to_async(queries.enter)(user, self.scope["url_route"]["kwargs"]["robot"], timezone.now())
+        if door is None or not door.may_enter:
+            await self.close(protocol.NO_SUCH_ROBOT if door is None else protocol.NOT_ALLOWED)
+            return
+        self._move_in(door)
+
+    def _move_in(self, door: queries.Entrance) -> None:
+        user, self.name = self.scope["user"], door.robot.name
+        self.tasks: set[asyncio.Task[Any]] = set()
+        self.bridge = bridge.current()
+        self.known = self.bridge.listen(self.name, self)
+        self.room = Room(secrets.token_urlsafe(12), user.shown_name, door.operator, ice_servers(self.name, time.time()))
+        self.sparing = relay.Sparing()
+        self.outbox = Outbox(self._send_frame, self.close, self.scope.get(IS_FULL, never_full))
+        self.company = company_of(self.name)
+        self.company.waiting = door.waiting
+        client = self.scope.get("client") or ("",)
+        self.visit = Visit(
+            robot=door.robot,
+            user=user,
+            session_key=self.scope["session"].session_key,
+            device=device_of(headers_of_scope(self.scope), client[0], settings.TRUSTED_PROXIES),
+            may_observe=bool(door.may_observe),
+            room=self.room,
+            known=self.known,
+            bridge=self.bridge,
+            company=self.company,
+            outbox=self.outbox,
+        )
+        log_ids.bind(lambda: {"robot": self.name, "session": self.room.session})  # until the end of this socket's own task
+        self.ids = log_ids.captured()
+        self._say_hello(door)
+        self.company.members.add(self.visit)
+        self.company.changed()
+        self._launch(self._keep_time(self.visit))
+
+    def _say_hello(self, door: queries.Entrance) -> None:
+        online = door.online if self.known.online is None else self.known.online
+        self.presence = protocol.RobotPresence(online=online)
+        hello = protocol.Hello(
+            peer=self.room.peer,
+            stamp=time.time(),
+            robot=self.name,
+            online=online,
+            may_drive=bool(door.may_drive),
+            may_observe=bool(door.may_observe),
+            live_elsewhere=door.live_elsewhere,
+        )
+        self.outbox.post("hello", hello)
+
+    async def disconnect(self, code: int) -> None:
+        """Leave without ending the visit: its drive may live on the data channel."""
+        if self.visit is None:
+            return
+        stop = self.room.parting_stop(uuid.uuid4().hex, time.time(), self.known.lease, time.monotonic())
+        if stop is not None:
+            self.bridge.send_stop(self.name, stop)
+        self._stop_listening(self.visit)
+        await self.visit.page_gone()
+        log.info("page_left robot=%s code=%s refused=%s dropped=%d", self.name, code, dict(self.room.refused), self.outbox.mailbox.dropped)
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        """Live from the first to the last frame, and leave nothing behind however it ends: `disconnect` is not called after a failure."""
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            if self.visit is not None:
+                self._stop_listening(self.visit)
+                self.visit.forget()
+                for task in self.tasks:
+                    task.cancel()
+
+    def _stop_listening(self, visit: Visit) -> None:
+        visit.stop_watching()  # a connection to the robot lives without this socket, and nobody would look after it
+        self.outbox.abandon()
+        self.bridge.ignore(self.name, self)
+        part(self.name, visit)
+        self.company.changed()
+
+    # --- what the page says ------------------------------------------------------------------------------------------
+
+    async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
+        """Decide about a frame and do what was decided."""
+        if self.visit is not None and not self.outbox.closed:
+            frame = text_data if text_data is not None else bytes_data or b""
+            effects = self.room.receive(frame, self.known.lease, time.monotonic())
+            self._perform(effects)
+            if any(isinstance(effect, Verb) for effect in effects):
+                await asyncio.sleep(0)  # what is asked for begins before the next frame, which may be the last
+
+    def _perform(self, effects: tuple[Effect, ...]) -> None:
+        for effect in effects:
+            match effect:
+                case Publish(message=Action(role="owner" | "staff")):
+                    self._launch(self._publish_of_operator(effect))
+                case Publish():
+                    self._publish(effect)
+                case Halt(message):
+                    self.bridge.send_stop(self.name, message)
+                case Verb(message):
+                    self._ask(message)
+                case Report(message):
+                    self.bridge.report(protocol.page_reports(message.session), message)
+                case Spare(direct):
+                    self.sparing.direct = direct
+                case Deny(suffix, reason):
+                    self.outbox.post("denied", protocol.Denied(suffix=suffix, reason=reason))
+                case Close(code):
+                    self.outbox.end(code)
+
+    def _publish(self, publish: Publish) -> None:
+        message = publish.message
+        if isinstance(message, Action) and message.role != "driver":
+            # The robot knows the driver's clock from heartbeats, and of everybody else only the server's.
+            message = msgspec.structs.replace(message, stamp=time.time())
+        reachable = self.known.online is not False and self.bridge.send(self.name, publish.suffix, message)
+        if publish.wanted and not reachable:
+            suffix = protocol.SIGNAL if publish.suffix.startswith(protocol.SIGNAL) else publish.suffix
+            self._perform(self.room.deny(suffix, "robot_unreachable", time.monotonic()))
+
+    async def _publish_of_operator(self, publish: Publish) -> None:
+        """Send what somebody asks who operates the robot, if they still do: that may be over since the page came."""
+        assert self.visit is not None
+        async with self.visit.turn:
+            if await self.visit.still_welcome() and self.room.operator is not None:
+                self._publish(publish)
+            else:
+                self._perform(self.room.deny(publish.suffix, "not_allowed", time.monotonic()))
+
+    def _ask(self, verb: Message) -> None:
+        assert self.visit is not None
+        if self.visit.has_room_for_a_verb():
+            self._launch(self.visit.do(verb))
+        else:
+            self._perform(self.room.deny("session/take", "busy", time.monotonic()))
+
+    # --- what the robot says -----------------------------------------------------------------------------------------
+
+    def hear(self, letter: Letter) -> None:
+        """Take a letter from the bridge, in whose task lines of the log would be about nobody."""
+        token = log_ids.bind(self.ids)
+        try:
+            self._hear(letter)
+        finally:
+            log_ids.unbind(token)
+
+    def _hear(self, letter: Letter) -> None:
+        assert self.visit is not None
+        unsure = False
+        if letter.suffix == "lease":
+            unsure = self.visit.lost_lease(letter.message)
+        elif letter.suffix in {LINK, "connection"}:
+            unsure = letter.suffix == LINK and letter.message
+            self._presence_changed(link=letter.message is not False)
+        elif letter.suffix == FAULTS:
+            self.outbox.put(relay.status(letter.message, self.known, time.monotonic()))
+        elif picture.is_picture(letter.suffix):
+            if isinstance(letter.frame, bytes) and picture.is_for(letter.suffix, self.room.peer) and self.room.may_see_picture(self.known.lease):
+                self.outbox.put_picture(letter.frame)
+        else:
+            self._relay(letter)
+        if letter.suffix in {"lease", "state"}:
+            self.visit.company_changed()
+        if unsure:
+            self._launch(self.visit.confirm())
+
+    def _relay(self, letter: Letter) -> None:
+        if (out := relay.for_driver(letter)) is not None:
+            # What visitor and people at the robot write to each other, and where they point, is no business of those who watch.
+            if self.room.holds(self.known.lease) and self.sparing.passes(letter.suffix, time.monotonic()):
+                self.outbox.put(out)
+        elif self.sparing.passes(letter.suffix, time.monotonic()) and (out := relay.relayed(letter, self.room.peer)) is not None:
+            self.outbox.put(out)
+
+    def _presence_changed(self, *, link: bool) -> None:
+        presence = relay.presence(self.known, link=link)
+        if presence is not None and presence != self.presence:
+            self.presence = presence
+            self.outbox.post("robot", presence)
+
+    # --- what time brings --------------------------------------------------------------------------------------------
+
+    async def _keep_time(self, visit: Visit) -> None:
+        """Say every few seconds that the page is open, and every minute ask whether it may stay."""
+        # Pages that came together do not ask together from then on.
+        asked = time.monotonic() - random.random() * WELCOME_EVERY / 2  # noqa: S311
+        pause = random.random() * PAGE_SEEN_EVERY  # noqa: S311
+        while True:
+            await asyncio.sleep(pause)
+            pause = PAGE_SEEN_EVERY
+            visit.company_changed()
+            try:
+                await visit.say_seen()
+                if time.monotonic() - asked >= WELCOME_EVERY:
+                    asked = time.monotonic()
+                    async with visit.turn:
+                        if await visit.still_welcome():
+                            visit.vouch()
+            except (DatabaseError, InterfaceError) as error:
+                log.warning("page_not_checked robot=%s reason=%s", self.name, error)
+
+    async def _send_frame(self, frame: str | bytes) -> None:
+        if isinstance(frame, bytes):
+            await self.send(bytes_data=frame)
+        else:
+            await self.send(text_data=frame)
+
+    def _launch(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.get_running_loop().create_task(work)
+        self.tasks.add(task)
+        task.add_done_callback(self.tasks.discard)

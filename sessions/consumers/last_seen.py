@@ -1,0 +1,54 @@
+"""Pages that are open, said to the database for many of them at once.
+
+Every page says so every ten seconds. One by one that keeps the database's thread busy for some ten milliseconds each; it shares the
+interpreter with whatever passes between pages and robots, which is late for as long.
+"""
+
+import asyncio
+
+from channels.db import database_sync_to_async
+from django.utils import timezone
+
+from sessions.leases import store
+
+GATHER_SECONDS = 1.0  # a page counts as gone after many times as long
+
+
+class RollCall:
+    """The pages of one process that are about to be said to be open."""
+
+    def __init__(self) -> None:
+        self._present: set[str] = set()
+        self._asking: asyncio.Task[set[str]] | None = None
+
+    async def seen(self, session: str) -> bool:
+        """Say that a page of this session is open; False when the session has ended.
+
+        Raises:
+            DatabaseError: it was not said.
+        """
+        loop = asyncio.get_running_loop()
+        if self._asking is None or self._asking.done() or self._asking.get_loop() is not loop:
+            self._present = set()
+            self._asking = loop.create_task(self._ask())
+            self._asking.add_done_callback(_look_at)
+        self._present.add(session)
+        return session in await asyncio.shield(self._asking)
+
+    def forget(self, session: str) -> None:
+        """Leave out a page that has closed meanwhile: it would be said to be open after it was said to be gone."""
+        self._present.discard(session)
+
+    async def _ask(self) -> set[str]:
+        await asyncio.sleep(GATHER_SECONDS)
+        present, self._present, self._asking = self._present, set(), None
+        return await database_sync_to_async(store.seen)(present, timezone.now())
+
+
+def _look_at(asked: asyncio.Task[set[str]]) -> None:
+    """Take note of an error for which every page that would hear of it has gone."""
+    if not asked.cancelled():
+        asked.exception()
+
+
+roll_call = RollCall()

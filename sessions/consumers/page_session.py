@@ -1,0 +1,329 @@
+"""What a page's connection does with its session: takes, watches, leaves, learns that it is over. Asks the database, tells everybody."""
+
+import asyncio
+import logging
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import msgspec
+from channels.db import database_sync_to_async
+from django.conf import settings
+from django.db import DatabaseError, InterfaceError
+from django.utils import timezone
+
+from accounts.models import User
+from robots.api.messages import Bye, Lease, Message, ServerNews, Stay
+from robots.bridge.bridge import Bridge
+from robots.bridge.known import KnownRobot
+from robots.ice import ice_servers
+from robots.models import Robot
+from sessions import protocol
+from sessions.consumers import queries, relay
+from sessions.consumers.authorization import Room
+from sessions.consumers.last_seen import roll_call
+from sessions.consumers.peers import Company
+from sessions.consumers.sender import Outbox
+from sessions.leases import store
+from sessions.leases.terms import Terms
+from sessions.models import Session
+
+log = logging.getLogger(__name__)
+MAX_WAITING_VERBS = 5
+
+
+@dataclass(eq=False)
+class Visit:
+    """One page's session at one robot; also a member of the robot's company and the follower of its session's news.
+
+    Verbs run one after another, under `turn`; frames that need no database go on passing meanwhile.
+    """
+
+    robot: Robot
+    user: User
+    session_key: str | None
+    device: dict[str, Any]
+    may_observe: bool
+    room: Room
+    known: KnownRobot
+    bridge: Bridge
+    company: Company
+    outbox: Outbox
+    turn: asyncio.Lock = field(default_factory=asyncio.Lock)
+    waiting_verbs: int = 0
+    described: protocol.Room | None = None
+
+    # --- verbs -------------------------------------------------------------------------------------------------------
+
+    def has_room_for_a_verb(self) -> bool:
+        """Tell whether the page may ask for one more thing while earlier ones are being done."""
+        return self.waiting_verbs < MAX_WAITING_VERBS
+
+    async def do(self, verb: Message) -> None:
+        """Carry out a Take, Observe or Leave, after those before it."""
+        self.waiting_verbs += 1
+        async with self.turn:
+            self.waiting_verbs -= 1
+            try:
+                if not self.outbox.closed and await self.still_welcome():
+                    await self._do(verb)
+            except (DatabaseError, InterfaceError, store.LeaseContention):
+                log.exception("verb_failed robot=%s verb=%s", self.robot.name, type(verb).__name__)
+                self.outbox.post("denied", protocol.Denied(suffix=f"session/{type(verb).__name__.lower()}", reason="unavailable"))
+        self.company.changed()
+
+    async def _do(self, verb: Message) -> None:
+        match verb:
+            case protocol.Take():
+                await self._take(verb)
+            case protocol.Observe():
+                self._observe()
+            case protocol.Leave():
+                await self._leave(verb)
+            case protocol.Assist():
+                await self._choose_assist(verb)
+        self.company.waiting = await database_sync_to_async(queries.waiting_at)(self.robot)
+
+    async def _take(self, ask: protocol.Take) -> None:
+        taken = await database_sync_to_async(queries.take)(
+            self.robot,
+            self.user,
+            self.room.peer,
+            session=ask.session,
+            old_peer=ask.peer,
+            takeover=ask.takeover,
+            device=self.device,
+            now=timezone.now(),
+        )
+        match taken:
+            case store.Granted():
+                self._granted(taken)
+            case store.Queued(session, place, minutes, reason):
+                self._follow(session)
+                self.room.wait(session)
+                self.outbox.post("session/queued", protocol.Queued(session=session, place=place, minutes=minutes, reason=reason))
+            case store.Refused(reason, session):
+                self.outbox.post("session/refused", protocol.Refused(reason=reason, session=session))
+
+    def _granted(self, granted: store.Granted) -> None:
+        self._follow(granted.session)
+        self.room.drive(granted.session, granted.epoch, granted.peer)
+        if granted.resumed:
+            self.company.replace(granted.peer, self)
+        # Before the page hears of it, so that the robot knows the driver when the offer comes.
+        self.bridge.publish_lease(self.robot.name, granted.lease)
+        message = protocol.Granted(
+            session=granted.session,
+            epoch=granted.epoch,
+            peer=granted.peer,
+            resumed=granted.resumed,
+            turn_seconds=granted.turn_seconds,
+            ice_servers=self._ice_servers(),
+            limits=granted.lease.limits,
+            terms=_told_terms(granted.terms),
+        )
+        self.outbox.post("session/granted", message)
+        if granted.shown:
+            self.hear_news(ServerNews(type="task", stamp=time.time(), session=granted.session, data=granted.shown))
+
+    async def _choose_assist(self, verb: protocol.Assist) -> None:
+        session, chosen = self.room.session, None
+        if session is not None and self.room.standing == "driver":
+            choose = database_sync_to_async(queries.choose_assist)
+            chosen = await choose(self.robot, self.user, session, verb.level, peer=self.room.peer, now=timezone.now())
+        if isinstance(chosen, Lease):
+            self.bridge.publish_lease(self.robot.name, chosen)
+        else:
+            self.outbox.post("denied", protocol.Denied(suffix="session/assist", reason=chosen or "not_driver"))
+
+    def _observe(self) -> None:
+        if not self.may_observe:
+            self.outbox.post("session/refused", protocol.Refused(reason="not_allowed"))
+        elif not self.room.watches and not self.company.has_place(self.known):
+            self.outbox.post("session/refused", protocol.Refused(reason="observers_full"))
+        else:
+            self.room.observe()
+            self.outbox.post("session/observing", protocol.Observing(ice_servers=self._ice_servers()))
+
+    async def _leave(self, verb: protocol.Leave) -> None:
+        session, drove = self.room.session, self.room.standing == "driver"
+        if session is None and verb.session is not None:
+            await self._leave_late(verb.session, verb.peer or "")
+            return
+        if session is None:
+            self.hang_up()
+            self.room.leave()
+            return
+        left = await database_sync_to_async(store.leave)(session, peer=self.room.peer, now=timezone.now())
+        outcome, reason = await database_sync_to_async(queries.outcome_of)(session)
+        self._over(protocol.Ended(session=session, outcome=outcome or "moved", reason=reason))
+        if left:
+            self._tell_ended(session, outcome, reason, drove=drove)
+
+    async def _leave_late(self, session: str, peer: str) -> None:
+        """End what the visitor left while the page could not say so; what has moved to another page, or is another's, stays."""
+        if not await database_sync_to_async(queries.is_of)(session, self.user):
+            self.outbox.post("denied", protocol.Denied(suffix="session/leave", reason="not_yours"))
+            return
+        left = await database_sync_to_async(store.leave)(session, peer=peer, now=timezone.now())
+        outcome, reason = await database_sync_to_async(queries.outcome_of)(session)
+        self.outbox.post("session/ended", protocol.Ended(session=session, outcome=outcome or "moved", reason=reason))
+        if left:
+            self._tell_ended(session, outcome, reason, drove=reason != store.LEFT_QUEUE)
+
+    def _tell_ended(self, session: str, outcome: str, reason: str, *, drove: bool) -> None:
+        if drove:
+            self.bridge.publish_lease(self.robot.name, None)
+        self.bridge.tell_session(ServerNews(type="ended", stamp=time.time(), session=session, state="ended", outcome=outcome, text=reason))
+
+    # --- what is heard -----------------------------------------------------------------------------------------------
+
+    def hear_news(self, news: ServerNews) -> None:
+        """Tell the page what the session manager decided."""
+        if news.type == "ended":
+            self._over(protocol.Ended(session=news.session, outcome=news.outcome, reason=news.text))
+            self.company.changed()
+        elif (told := relay.told(news, settings.START_SECONDS)) is not None:
+            self.outbox.post(*told)
+
+    def lost_lease(self, lease: Lease | None) -> bool:
+        """Act on a lease that is not this page's any more; True when only the database knows why."""
+        if self.room.standing != "driver" or self.room.holds(lease) or (lease is not None and lease.epoch < self.room.epoch):
+            return False
+        if lease is not None and lease.session == self.room.session:
+            self._over(protocol.Ended(session=lease.session, outcome="moved"))
+            return False
+        return True
+
+    async def confirm(self) -> None:
+        """Ask the database where this page's session stands, when the broker may have forgotten or mixed up something."""
+        async with self.turn:
+            session = self.room.session
+            if session is None or self.outbox.closed:
+                return
+            standing = await database_sync_to_async(queries.standing_of)(
+                self.robot, self.user, session, epoch=self.room.epoch, peer=self.room.peer, now=timezone.now()
+            )
+            if session == self.room.session:
+                self._stand(standing, session)
+
+    def _stand(self, standing: queries.Standing, session: str) -> None:
+        driving = self.room.standing == "driver"
+        if standing.state == "ended":
+            self._over(protocol.Ended(session=session, outcome=standing.outcome, reason=standing.reason))
+        elif driving and standing.moved:
+            self._over(protocol.Ended(session=session, outcome="moved"))
+        elif driving and standing.lease is not None:
+            self.bridge.publish_lease(self.robot.name, _ahead(standing.lease, self.known))
+        elif not driving and standing.seconds is not None:
+            self.outbox.post("session/turn", protocol.YourTurn(session=session, seconds=standing.seconds))
+
+    # --- what time brings --------------------------------------------------------------------------------------------
+
+    async def say_seen(self) -> None:
+        """Note in the database that this page is open."""
+        session = self.room.session
+        if session is not None and not await roll_call.seen(session):
+            await self.confirm()
+
+    async def still_welcome(self) -> bool:
+        """Tell whether the visitor is still signed in and allowed here; otherwise end what the page does, and its connection.
+
+        What the visitor may do here besides is looked at anew as well. The caller holds `turn`.
+        """
+        welcome = await database_sync_to_async(queries.welcome)(self.session_key, self.user, self.robot)
+        answer = welcome.answer
+        if answer == "welcome":
+            self.may_observe, self.room.operator = welcome.may_observe, welcome.operator
+            if self.room.watches and not self.may_observe:
+                self.stop_watching()
+                self.outbox.post("session/refused", protocol.Refused(reason="not_allowed"))
+            return True
+        log.warning("page_sent_away robot=%s user=%s reason=%s", self.robot.name, self.user.pk, answer)
+        session, drove = self.room.session, self.room.standing == "driver"
+        self.hang_up()
+        if session is not None:
+            self.forget()
+            outcome = Session.Outcome.STOPPED_BY_OPERATOR if drove else Session.Outcome.CANCELLED
+            if await database_sync_to_async(store.end)(session, outcome, answer, timezone.now()):
+                self._tell_ended(session, outcome, answer, drove=drove)
+        self.outbox.end(protocol.SIGNED_OUT if answer == "signed_out" else protocol.NOT_ALLOWED)
+        return False
+
+    async def page_gone(self) -> None:
+        """Note that the page's socket has closed, when what was begun is done. The visit goes on: its time is the session manager's."""
+        async with self.turn:
+            session, peer = self.room.session, self.room.peer
+            if session is not None:
+                self.forget()
+                roll_call.forget(session)
+                await database_sync_to_async(store.page_gone)(session, peer, timezone.now())
+
+    # --- small steps -------------------------------------------------------------------------------------------------
+
+    def company_changed(self) -> None:
+        """Tell the page who is here, if that is news."""
+        described = self.company.describe(self.known, time.monotonic())
+        if described != self.described:
+            self.described = described
+            self.outbox.post("room", described)
+
+    def replaced(self) -> None:
+        """Another socket of this page has come: this one is dead, and must neither stop the robot nor report the page gone."""
+        self.forget()
+        self.outbox.end(protocol.REPLACED)
+
+    def hear(self, letter: Any) -> None:
+        """Take the news of the session that is followed."""
+        self.hear_news(letter.message)
+
+    def _follow(self, session: str) -> None:
+        if self.room.session not in {None, session}:
+            self.bridge.unfollow(str(self.room.session), self)
+        self.bridge.follow(session, self)
+
+    def forget(self) -> None:
+        """Have nothing to do with the session any more."""
+        if self.room.session is not None:
+            self.bridge.unfollow(self.room.session, self)
+        self.room.leave()
+
+    def _over(self, ended: protocol.Ended) -> None:
+        self.hang_up()
+        self.forget()
+        self.outbox.post("session/ended", ended)
+
+    def hang_up(self) -> None:
+        """Tell the robot that this page wants no more pictures, and must get none."""
+        if self.room.watches or self.room.standing == "driver":
+            self.bridge.send(self.robot.name, f"{protocol.SIGNAL}/{self.room.peer}", Bye(reason="left"))
+
+    def stop_watching(self) -> None:
+        """End the page's pictures when it watches; whoever drives may do so without the server, and is ended by the lease."""
+        if self.room.watches:
+            self.room.watches = False
+            self.bridge.send(self.robot.name, f"{protocol.SIGNAL}/{self.room.peer}", Bye(reason="left"))
+
+    def vouch(self) -> None:
+        """Tell the robot that this page may go on watching."""
+        if self.room.watches:
+            self.bridge.send(self.robot.name, f"{protocol.SIGNAL}/{self.room.peer}", Stay())
+
+    def _ice_servers(self) -> Any:
+        return ice_servers(str(self.user.pk), time.time())
+
+
+def _told_terms(fixed: Terms) -> protocol.GrantedTerms | None:
+    """Return what the page is told of the terms of its visit; None when they leave everything to the visitor."""
+    told = protocol.GrantedTerms(
+        label=fixed.label[:120], controllers=fixed.controllers, actions=fixed.actions, assist=fixed.assist,  # type: ignore[arg-type]
+        control_way=fixed.control_way, interface=fixed.interface,
+    )  # fmt: skip
+    return None if told == protocol.GrantedTerms() else told
+
+
+def _ahead(lease: Lease, known: KnownRobot) -> Lease:
+    """Return the copy that the robot takes: its renewal may be ahead of the database's, and one after an empty lease must be newer."""
+    if known.epoch != lease.epoch:
+        return lease
+    return msgspec.structs.replace(lease, renewal=max(lease.renewal, known.renewal + (known.lease is None)))

@@ -1,0 +1,92 @@
+"""The pages of one robot that this process serves: who they are to each other."""
+
+from collections import Counter
+from typing import Protocol
+
+from robots.bridge.known import KnownRobot
+from sessions.consumers.authorization import Room
+from sessions.protocol import Room as RoomFrame
+
+
+class Member(Protocol):
+    """A page's connection."""
+
+    room: Room
+
+    def replaced(self) -> None:
+        """Another socket of the same page has taken this one's place."""
+
+    def company_changed(self) -> None:
+        """Somebody came, left, or does something else now."""
+
+
+class Company:
+    """Everybody here at one robot. `waiting` is the length of its queue when it was last read."""
+
+    def __init__(self) -> None:
+        self.members: set[Member] = set()
+        self.waiting = 0
+
+    @property
+    def observers(self) -> int:
+        """How many of the pages here watch."""
+        return sum(member.room.watches for member in self.members)
+
+    def describe(self, known: KnownRobot, now: float) -> RoomFrame:
+        """Return who is here; `now` is monotonic seconds.
+
+        The robot counts the viewers of every web process, this process those whose picture is still to come.
+        """
+        lease = known.lease_at(now)
+        drives = lease is not None and known.state is not None and known.state.session == lease.session
+        viewers = max(0, known.state.viewers - drives) if known.state is not None else 0
+        return RoomFrame(
+            driver=lease.who if lease is not None else None, driving=drives, observers=max(viewers, self.observers), waiting=self.waiting
+        )  # fmt: skip
+
+    def has_place(self, known: KnownRobot) -> bool:
+        """Tell whether one more may watch; the robot's last place is kept for its driver."""
+        limit = known.factsheet.viewers if known.factsheet is not None else 8
+        return self.observers < limit - 1
+
+    def replace(self, peer: str, by: Member) -> None:
+        """Let a page's new socket take the place of its old one, which may not know yet that it is dead."""
+        for member in tuple(self.members):
+            if member is not by and member.room.peer == peer:
+                member.replaced()
+
+    def changed(self) -> None:
+        """Tell everybody that the company has changed."""
+        for member in tuple(self.members):
+            member.company_changed()
+
+
+_companies: dict[str, Company] = {}
+_refused_before: Counter[str] = Counter()
+
+
+def company_of(robot: str) -> Company:
+    """Return the company at a robot."""
+    return _companies.setdefault(robot, Company())
+
+
+def part(robot: str, member: Member) -> None:
+    """Leave the company; it is forgotten with its last member."""
+    company = _companies.get(robot)
+    if company is not None:
+        if member in company.members:
+            _refused_before.update(member.room.refused)
+        company.members.discard(member)
+        if not company.members:
+            del _companies[robot]
+
+
+def standings() -> Counter[str]:
+    """Return how many pages of this process do what: drive, wait, watch, or neither (`guest`)."""
+    members = [member for company in _companies.values() for member in company.members]
+    return Counter("observer" if member.room.watches else member.room.standing for member in members)
+
+
+def refusals() -> Counter[str]:
+    """Return how many frames of drive pages this process has refused, by reason."""
+    return sum((member.room.refused for company in _companies.values() for member in company.members), _refused_before.copy())

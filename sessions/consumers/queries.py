@@ -1,0 +1,183 @@
+"""What a page's connection asks the database: synchronous, one question a function, plain answers.
+
+Consumers call these through `database_sync_to_async`, and never for a command or a signal: those are judged by the lease in memory.
+"""
+
+import datetime
+import uuid
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, Literal
+
+from django.conf import settings
+from django.contrib.auth import HASH_SESSION_KEY, SESSION_KEY
+from django.utils.crypto import constant_time_compare
+
+from accounts.models import User
+from robots.access import Verdict, may_drive, may_observe, may_operate
+from robots.api import messages as m
+from robots.models import Robot
+from sessions.consumers.authorization import Operator
+from sessions.leases import store as turns
+from sessions.leases import terms
+from sessions.leases.policy import Hold
+from sessions.models import Lease, Session
+
+Answer = Literal["welcome", "signed_out", "not_allowed"]
+
+
+@dataclass(frozen=True)
+class Entrance:
+    """What a page is told, and may do, when it connects."""
+
+    robot: Robot
+    may_drive: Verdict
+    may_observe: Verdict
+    operator: Operator | None
+    live_elsewhere: bool
+    online: bool
+    waiting: int
+
+    @property
+    def may_enter(self) -> bool:
+        """Tell whether there is anything at all for this visitor here."""
+        return bool(self.may_drive or self.may_observe)
+
+
+@dataclass(frozen=True)
+class Welcome:
+    """What a page that is already inside is told when it is looked at again."""
+
+    answer: Answer
+    may_observe: bool = False
+    operator: Operator | None = None
+
+
+@dataclass(frozen=True)
+class Standing:
+    """Where a session really stands: `lease` is set while it holds the robot through this very page and epoch.
+
+    `seconds` is what is left of an offered turn.
+    """
+
+    state: str
+    outcome: str = ""
+    reason: str = ""
+    moved: bool = False
+    lease: m.Lease | None = None
+    seconds: float | None = None
+
+
+def enter(user: User, name: str, now: datetime.datetime) -> Entrance | None:
+    """Return what a robot's door says to a user, or None when there is no such robot."""
+    robot = Robot.objects.filter(name=name).first()
+    if robot is None:
+        return None
+    live = turns.living_session_of(robot, user)
+    return Entrance(
+        robot=robot,
+        may_drive=may_drive(user, robot),
+        may_observe=may_observe(user, robot),
+        operator=_operator(user, robot),
+        live_elsewhere=live is not None and live.state != Session.State.WAITING,
+        online=robot.is_online(now),
+        waiting=waiting_at(robot),
+    )
+
+
+def _operator(user: User, robot: Robot) -> Operator | None:
+    if not may_operate(user, robot):
+        return None
+    return "owner" if robot.owner_id == user.pk else "staff"
+
+
+def welcome(session_key: str | None, user: User, robot: Robot) -> Welcome:
+    """Tell whether a page that is already inside may stay, still signed in and still allowed, and what it may do."""
+    if session_key is None or not _signed_in(session_key, user):
+        return Welcome("signed_out")
+    user.refresh_from_db()
+    robot.refresh_from_db()
+    if not user.is_active:
+        return Welcome("signed_out")
+    observes = bool(may_observe(user, robot))
+    return Welcome("welcome", observes, _operator(user, robot)) if observes or may_drive(user, robot) else Welcome("not_allowed")
+
+
+def _signed_in(session_key: str, user: User) -> bool:
+    """Tell whether the browser's session still says so; logging out, a new password and expiry all end it."""
+    store = import_module(settings.SESSION_ENGINE).SessionStore(session_key)
+    fresh = User.objects.filter(pk=user.pk).first()
+    if fresh is None or store.get(SESSION_KEY) != str(user.pk):
+        return False
+    return constant_time_compare(store.get(HASH_SESSION_KEY, ""), fresh.get_session_auth_hash())
+
+
+def take(
+    robot: Robot, user: User, peer: str, *, session: str | None, old_peer: str | None, takeover: bool, device: dict[str, Any], now: datetime.datetime
+) -> turns.Taken:
+    """Ask for the robot, if the user may drive it now; see sessions/leases/store.py."""
+    robot.refresh_from_db()
+    verdict = may_drive(user, robot)
+    if not verdict:
+        return turns.Refused(verdict.reason)  # type: ignore[arg-type]
+    held = turns.holder_of(robot, user)
+    if held is not None and turns.is_free_drive(held) and terms.claims(user, robot):
+        # What was driven for oneself is no part of what begins now, and the robot goes home in between.
+        turns.end(str(held.session_id), Session.Outcome.COMPLETED, turns.BEGINS_ANEW, now)
+        held = session = None
+    reason = terms.why_not(user, robot, now)
+    if reason and held is None:  # whoever drives already may finish
+        return turns.Refused(reason)  # type: ignore[arg-type]
+    return turns.take(robot, user, peer, session=session, old_peer=old_peer, takeover=takeover, device=device, now=now)
+
+
+def standing_of(robot: Robot, user: User, session: str, *, epoch: int, peer: str, now: datetime.datetime) -> Standing:
+    """Return where a session stands, for a page that thinks it drives (with `epoch` and `peer`) or waits (epoch 0)."""
+    row = Session.objects.filter(pk=session).first()
+    if row is None or row.state == Session.State.ENDED:
+        return Standing("ended", row.outcome if row else "", row.outcome_reason if row else "")
+    lease = Lease.objects.filter(robot=robot, session=session).first()
+    if lease is None:
+        left = None if row.offered_at is None else settings.START_SECONDS - (now - row.offered_at).total_seconds()
+        return Standing(row.state, seconds=left if left is not None and left > 0.0 else None)
+    if (lease.epoch, lease.peer) != (epoch, peer):
+        return Standing(row.state, moved=True)
+    hold = Hold(lease.epoch, session, lease.peer)
+    who, fixed = user.shown_name, terms.of(row)
+    message = turns.lease_message(robot, who, hold, renewal=lease.renewal, stamp=now.timestamp(), assist=row.assist, fixed=fixed)
+    return Standing(row.state, lease=message)
+
+
+def choose_assist(
+    robot: Robot, user: User, session: str, level: str, *, peer: str, now: datetime.datetime
+) -> m.Lease | Literal["not_driver", "fixed"]:  # fmt: skip
+    """Note how much help a driver wants, and return the lease that says so; or why not: this page does not drive, or has no choice."""
+    row = Session.objects.filter(pk=session).first()
+    fixed = terms.FREE if row is None else terms.of(row)
+    if fixed.assist is not None:
+        return "fixed"
+    chosen = turns.set_assist(session, level, peer=peer)
+    if chosen is None:
+        return "not_driver"
+    hold, renewal = chosen
+    robot.refresh_from_db()
+    return turns.lease_message(robot, user.shown_name, hold, renewal=renewal, stamp=now.timestamp(), assist=level, fixed=fixed)
+
+
+def outcome_of(session: str) -> tuple[str, str]:
+    """Return (outcome, reason) of a session; empty while it has none."""
+    row = Session.objects.filter(pk=session).values_list("outcome", "outcome_reason").first()
+    return row or ("", "")
+
+
+def is_of(session: str, visitor: User) -> bool:
+    """Return whether a session is this visitor's; false for what is no session at all."""
+    try:
+        return Session.objects.filter(pk=uuid.UUID(session), visitor=visitor).exists()
+    except ValueError:
+        return False
+
+
+def waiting_at(robot: Robot) -> int:
+    """Return how many visitors wait for a robot."""
+    return Session.objects.filter(robot=robot, state=Session.State.WAITING).count()

@@ -1,0 +1,154 @@
+"""What a page hears of its robot and of its session: letters of the bridge turned into frames, pure."""
+
+import logging
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+
+from robots.api import topics
+from robots.api.codec import encode_frame
+from robots.api.messages import Heartbeat, Message, Pointer, ServerNews
+from robots.bridge.delivery import LINK, Letter
+from robots.bridge.known import KnownRobot
+from robots.bridge.server_watch import ROBOT
+from sessions import protocol
+
+log = logging.getLogger(__name__)
+# Newest wins: an older one may be dropped on the way to a slow page.
+TELEMETRY = frozenset({"state", "pose", "path", "scan", "heartbeat"})
+KEPT = frozenset({"event", "action"})
+# What a page that hears its robot directly is spared; of states it gets one now and then, in case the direct way falls silent.
+SPARED = frozenset({"pose", "scan", "pointer"})
+STATE_SECONDS = 1.9  # states come four times a second: every eighth
+# Why a robot is not there, in `robot`.
+BROKER_AWAY = "server"
+HARMLESS = frozenset({"disk_low", "disk_full"})  # leases are renewed and the record waits in memory
+
+
+@dataclass(frozen=True)
+class Outgoing:
+    """A frame for the page, and whether a newer one makes it worthless."""
+
+    frame: str
+    droppable: bool = False
+
+
+class Sparing:
+    """What of a robot's telemetry goes to one page: all of it, or little while the page says that it hears the robot directly."""
+
+    def __init__(self) -> None:
+        self.direct = False
+        self._state_at = float("-inf")
+
+    def passes(self, suffix: str, now: float) -> bool:
+        """Tell whether a message goes to the page; `now` is monotonic."""
+        if suffix == "state":
+            if self.direct and now - self._state_at < STATE_SECONDS:
+                return False
+            self._state_at = now
+        return not (self.direct and suffix in SPARED)
+
+
+def outgoing(suffix: str, message: Message) -> Outgoing:
+    """Return a message of the server's own as a frame that is never dropped."""
+    return Outgoing(encode_frame(suffix, message))
+
+
+def relayed(letter: Letter, peer: str) -> Outgoing | None:
+    """Return what a page with this peer id is told of a robot's letter; None when it is none of its business.
+
+    Peer ids are secret to their pages: a heartbeat keeps the echo of this page alone, and a reply goes to its own peer.
+    """
+    match letter:
+        case Letter(suffix="heartbeat", message=Heartbeat() as beat):
+            own = tuple(echo for echo in beat.echoes if echo.peer == peer)
+            return Outgoing(encode_frame("heartbeat", msgspec.structs.replace(beat, echoes=own)), droppable=True)
+        case Letter(suffix=suffix) if suffix in TELEMETRY or suffix in KEPT:
+            assert isinstance(letter.frame, str)
+            return Outgoing(letter.frame, droppable=suffix in TELEMETRY)
+        case Letter(suffix=suffix) if suffix == f"{protocol.SIGNAL}/{peer}/reply":
+            return outgoing("signal/reply", letter.message)
+    return None
+
+
+def for_driver(letter: Letter) -> Outgoing | None:
+    """Return what a robot says to whoever drives it alone: words, and where somebody at its display points; None for all the rest."""
+    match letter:
+        case Letter(suffix="words", frame=str() as frame):
+            return Outgoing(frame)
+        case Letter(message=Pointer(by="screen"), frame=str() as frame):
+            return Outgoing(frame, droppable=True)
+    return None
+
+
+def for_screen(letter: Letter) -> Outgoing | None:
+    """Return what a robot says to its own display, where the driver points among it; None for what is none of its business."""
+    match letter:
+        case Letter(suffix="state" | "action" | "words" as suffix, frame=str() as frame):
+            return Outgoing(frame, droppable=suffix == "state")
+        case Letter(message=Pointer(by="driver"), frame=str() as frame):
+            return Outgoing(frame, droppable=True)
+    return None
+
+
+def presence(known: KnownRobot, *, link: bool) -> protocol.RobotPresence | None:
+    """Return whether the robot is there, as far as this process can tell; None before the robot has said anything."""
+    if not link:
+        return protocol.RobotPresence(online=False, reason=BROKER_AWAY)
+    if known.connection is None:
+        return None
+    return protocol.RobotPresence(online=known.connection.state == "ONLINE", reason=known.connection.reason)
+
+
+def status(faults: Iterable[str], known: KnownRobot, now: float) -> Outgoing:
+    """Return what the pages of a robot are told of parts that fail; `now` is monotonic. Worthless once the next one is there."""
+    return Outgoing(encode_frame("server/status", protocol.ServerStatus(faults=tuple(_fault(part, known, now) for part in faults))), droppable=True)
+
+
+def _fault(part: Any, known: KnownRobot, now: float) -> protocol.Fault:
+    """Say what follows: without these parts nobody renews a lease, and a robot whose lease has run out stands."""
+    if part in HARMLESS:
+        return protocol.Fault(part=part, then="goes_on")
+    if known.lease is None:
+        return protocol.Fault(part=part, then="waits")
+    left = known.renewed_at + known.lease.ttl - now
+    if part == ROBOT or left <= 0.0:
+        return protocol.Fault(part=part, then="stopped")
+    return protocol.Fault(part=part, then="stops", seconds=left)
+
+
+def told(news: ServerNews, start_seconds: float) -> tuple[str, Message] | None:  # noqa: PLR0911 -- a table
+    """Return news of a session in the page's words; None for those that say nothing to it.
+
+    `start_seconds` is how long an offered turn stays open when the news do not say.
+    """
+    match news.type:
+        case "queue" if news.place is not None:
+            return "session/queued", protocol.Queued(session=news.session, place=news.place, minutes=news.minutes or 0.0, reason=news.text)
+        case "granted":
+            return "session/turn", protocol.YourTurn(session=news.session, seconds=start_seconds if news.remaining is None else news.remaining)
+        case "warning" if news.remaining is not None:
+            return "session/warning", protocol.Warning(remaining=news.remaining)
+        case "idle":
+            return "session/idle", protocol.Idle(seconds=news.remaining)
+        case "task":
+            return _task(news)
+        case "ended":
+            return "session/ended", protocol.Ended(session=news.session, outcome=news.outcome, reason=news.text)
+        case "stop" | "message" if news.text:
+            return "notice", protocol.Notice(text=news.text)
+    return None
+
+
+def _task(news: ServerNews) -> tuple[str, Message] | None:
+    try:
+        return "session/task", msgspec.convert({**news.data, "session": news.session, "stamp": news.stamp}, protocol.Task)
+    except msgspec.ValidationError as error:
+        log.error("task_news_malformed session=%s reason=%s", news.session, error)  # noqa: TRY400 -- the reason says it
+        return None
+
+
+assert {*TELEMETRY, *KEPT, "media"} == set(topics.TO_PAGE)
+assert LINK not in topics.TO_PAGE

@@ -1,0 +1,441 @@
+"""Taking, keeping and giving up the robot: the decisions of sessions/leases/policy.py carried out in the database.
+
+Any process may call these at any time, on any of the supported databases. Correctness rests on two things alone, never on a
+transaction: a lease changes only where its epoch is still the one that was read, and `live_key` is unique, so that a visitor has
+one living session at a robot.
+
+What a consumer calls, each through `database_sync_to_async`:
+
+- `take` for `session/take`. On `Granted` publish `granted.lease` (retained) at once; the session manager renews it.
+- `seen`, through sessions/consumers/last_seen.py, every `leases.PAGE_SEEN_EVERY` seconds while the page's socket is open with a session; `take` says it, too;
+- `page_gone` when the socket closes: the visit goes on for as long as its heartbeat or its grace period lasts;
+- `leave` for `session/leave`. On True publish an empty retained lease if the page was driving, and the news `ended`.
+
+Sessions are always read before the lease and changed before it is released: whoever reads in between sees a lease that names an
+ended visit, which counts as free, and never a visit that seems to have lost its lease.
+"""
+
+import datetime
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from django.conf import settings
+from django.db import IntegrityError, transaction
+
+from accounts.models import User
+from robots.access import may_operate
+from robots.api import messages as m
+from robots.models import Robot
+from sessions.leases import terms
+from sessions.leases.policy import Ask, Deny, Grant, Hold, Refusal, Resume, Rules, Scene, Visit, Wait, decide_take, turn_end
+from sessions.leases.terms import FREE, Terms
+from sessions.models import Lease, Session
+
+LIVE = (Session.State.WAITING, Session.State.CONNECTING, Session.State.DRIVING, Session.State.RECONNECTING)
+# Every failed attempt means that another process changed the lease in between, so that this bound is never met by chance.
+ATTEMPTS = 200
+BEGINS_ANEW = "begins_anew"  # the reason of a visit that ended because the visitor began another one, on somebody's terms
+LEFT_QUEUE = "left_queue"  # the reason of a visit that ended before it had the robot
+
+
+class LeaseContention(RuntimeError):  # noqa: N818 -- the name says what happened
+    """The lease changed under every attempt to take it."""
+
+
+@dataclass(frozen=True)
+class Granted:
+    """The page drives. `resumed`: epoch and peer are those of before; `turn_seconds` is None while nobody else waits.
+
+    `terms` are those of the visit, `shown` what there is to see of its task (sessions/leases/terms.py).
+    """
+
+    session: str
+    epoch: int
+    peer: str
+    resumed: bool
+    turn_seconds: float | None
+    lease: m.Lease
+    terms: Terms = FREE
+    shown: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Queued:
+    """The page waits at `place` (1 is next) for about `minutes`; `reason` says why a free robot is not ready."""
+
+    session: str
+    place: int
+    minutes: float
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Refused:
+    """No; `reason` is one of sessions.protocol.Refused."""
+
+    reason: Refusal
+    session: str | None = None
+
+
+Taken = Granted | Queued | Refused
+
+
+def take(  # noqa: D417 -- the rest is what the page said
+    robot: Robot,
+    visitor: User,
+    peer: str,
+    *,
+    session: str | None = None,
+    old_peer: str | None = None,
+    takeover: bool = False,
+    device: dict[str, Any] | None = None,
+    now: datetime.datetime,
+) -> Taken:
+    """Give the robot to a page, put it in the queue, or say why not.
+
+    Whether this visitor may drive this robot at all was asked before (robots/access.py).
+
+    Args:
+        robot: freshly read, because presence and limits are taken from it.
+        visitor: who asks.
+        peer: the id that the server made for this page's connection.
+        device: what sessions.devices.device_of said, kept with a new session.
+        now: aware.
+
+    Raises:
+        LeaseContention: the lease changed under every attempt.
+    """
+    asker = _Asker(robot, visitor, peer, device or {}, now)
+    Lease.objects.get_or_create(robot=robot, defaults={"changed_at": now})
+    for _ in range(ATTEMPTS):
+        scene = load_scene(robot, now)
+        ask = Ask(
+            visitor=str(visitor.pk), peer=peer, session=session, old_peer=old_peer, takeover=takeover,
+            operator=(robot.turnaround != Robot.Turnaround.READY or bool(scene.waits_for)) and bool(may_operate(visitor, robot)),
+            not_ready=terms.not_ready(visitor, robot, now) if scene.holder is None else "",
+        )  # fmt: skip
+        taken = _carry_out(decide_take(scene, ask, rules_of(robot), now.timestamp()), scene, asker)
+        if taken is not None:
+            return taken
+    raise LeaseContention(robot.name)
+
+
+@dataclass(frozen=True)
+class _Asker:
+    """The page that asks, with everything that carrying out an answer needs."""
+
+    robot: Robot
+    visitor: User
+    peer: str
+    device: dict[str, Any]
+    now: datetime.datetime
+
+
+def _carry_out(decision: Grant | Resume | Wait | Deny, scene: Scene, asker: _Asker) -> Taken | None:
+    """Return what the page is told, or None when another process was quicker and the question must be asked again."""
+    match decision:
+        case Deny(reason, session):
+            return Refused(reason, session)
+        case Resume(visit):
+            seen({visit}, asker.now)
+            return _granted(scene, scene.hold, asker, resumed=True)
+        case Wait(visit, place, minutes, reason):
+            session = _join(asker) if visit is None else visit
+            if session is None:
+                return None
+            seen({session}, asker.now)
+            return Queued(session, place, minutes, reason)
+        case Grant():
+            return _grant(decision, scene, asker)
+
+
+def _join(asker: _Asker) -> str | None:
+    """Make a waiting session, or return None when the visitor has got one meanwhile, from another tab."""
+    key = live_key(asker.robot, asker.visitor)
+    try:
+        with transaction.atomic():  # only so that PostgreSQL survives the refusal within a caller's transaction
+            made = Session.objects.create(
+                robot=asker.robot, visitor=asker.visitor, live_key=key, queued_at=asker.now, seen_at=asker.now, device=asker.device
+            )
+    except IntegrityError:
+        return None
+    return str(made.pk)
+
+
+def _grant(grant: Grant, scene: Scene, asker: _Asker) -> Granted | Refused | None:
+    session = _join(asker) if grant.visit is None else grant.visit
+    if session is None:
+        return None
+    hold = Hold(scene.hold.epoch + 1, session, asker.peer)
+    if not change_lease(asker.robot, scene.hold.epoch, session=session, peer=asker.peer, now=asker.now):
+        return None
+    try:
+        fix_terms(session, asker.now)
+    except terms.NotGranted as refusal:
+        end(session, Session.Outcome.CANCELLED, str(refusal), asker.now)
+        return Refused(str(refusal), session)  # type: ignore[arg-type]
+    changes: dict[str, Any] = {"state": grant.state, "seen_at": asker.now, "lost_at": asker.now if grant.state == "reconnecting" else None}
+    if not grant.returning:
+        changes |= {"granted_at": max(asker.now, _moment(scene.changed_at)), "offered_at": None, "turn_ends_at": None}
+    if not Session.objects.filter(pk=session, state__in=LIVE).update(**changes):
+        change_lease(asker.robot, hold.epoch, session=None, peer="", now=asker.now)  # it was ended from another tab meanwhile
+        return None
+    return _granted(scene, hold, asker, resumed=False)
+
+
+def fix_terms(session: str, now: datetime.datetime) -> None:
+    """Store the terms of a visit that has just got the robot. Before its state says so: until then no renewed lease tells the robot of it.
+
+    Asked for again until the visit has moved the robot, for whoever asked first may not have lived to store them.
+
+    Raises:
+        NotGranted: there are none on which it could go.
+    """
+    row = Session.objects.select_related("robot", "visitor").get(pk=session)
+    if row.terms or row.first_motion_at is not None:
+        return
+    fixed = terms.of_granted(row, now)
+    if fixed != FREE:
+        Session.objects.filter(pk=session).update(terms=terms.stored(fixed))
+
+
+def _granted(scene: Scene, hold: Hold, asker: _Asker, *, resumed: bool) -> Granted:
+    assert hold.session is not None
+    session, now, key = Session.objects.get(pk=hold.session), asker.now.timestamp(), hold.session
+    fixed = terms.of(session)
+    before = next((visit for visit in scene.visits if visit.id == key and visit.granted_at), None)
+    visit = before or Visit(key, str(asker.visitor.pk), "connecting", now, granted_at=now, turn=fixed.turn_seconds)
+    others_wait = any(waiting.id != key for waiting in scene.queue)
+    turn_seconds = max(0.0, turn_end(visit, rules_of(asker.robot), now) - now) if others_wait else None
+    renewal = Lease.objects.values_list("renewal", flat=True).get(robot=asker.robot) if resumed else 0
+    who = asker.visitor.shown_name
+    lease = lease_message(asker.robot, who, hold, renewal=renewal, stamp=now, assist=session.assist, fixed=fixed)
+    return Granted(key, hold.epoch, hold.peer, resumed, turn_seconds, lease, fixed, terms.shown(key))
+
+
+def set_assist(session: str, level: str, *, peer: str) -> tuple[Hold, int] | None:
+    """Note what the driver chose, and return the lease and its next renewal; None when this page does not drive any more.
+
+    Whether the driver has a choice was asked before (sessions/consumers/queries.py).
+    """
+    lease = Lease.objects.filter(session_id=session, peer=peer).first()
+    if lease is None or not Session.objects.filter(pk=session, state__in=LIVE).update(assist=level):
+        return None
+    renewal = lease.renewal + 1
+    if not Lease.objects.filter(robot=lease.robot_id, epoch=lease.epoch).update(renewal=renewal):
+        return None
+    return Hold(lease.epoch, session, lease.peer), renewal
+
+
+def seen(sessions: Collection[str], now: datetime.datetime) -> set[str]:
+    """Note that a page of each of these sessions is open; return those that have not ended."""
+    found = list(Session.objects.filter(pk__in=sessions, state__in=LIVE).values_list("pk", "state", "lost_at"))
+    live = [key for key, _, _ in found]
+    # A waiting visit has no other sign of life: its page is what was lost, and is back.
+    if back := [key for key, state, lost_at in found if state == Session.State.WAITING and lost_at is not None]:
+        Session.objects.filter(pk__in=back, state=Session.State.WAITING).update(lost_at=None)
+    if live:
+        Session.objects.filter(pk__in=live, state__in=LIVE).update(seen_at=now)
+    return {str(key) for key in live}
+
+
+def page_gone(session: str, peer: str, now: datetime.datetime) -> None:
+    """Note that a page closed its socket; ignored when another page of the visitor has taken over."""
+    if Lease.objects.filter(session_id=session).exclude(peer=peer).exists():
+        return
+    Session.objects.filter(pk=session, state__in=LIVE).update(seen_at=None)
+    Session.objects.filter(pk=session, state=Session.State.WAITING).update(lost_at=now)
+
+
+def leave(session: str, *, peer: str, now: datetime.datetime) -> bool:
+    """End a visit because its page says so: completed when the robot was driven and its terms ask for no more, cancelled otherwise.
+
+    Returns:
+        False when nothing was ended: the session is over, or has moved to another page of the visitor.
+    """
+    if Lease.objects.filter(session_id=session).exclude(peer=peer).exists():
+        return False
+    row = Session.objects.filter(pk=session, state__in=LIVE).first()
+    if row is None:
+        return False
+    if row.state == Session.State.WAITING:
+        return end(session, Session.Outcome.CANCELLED, LEFT_QUEUE, now)
+    completed = row.first_motion_at is not None and terms.of(row).leaving_completes
+    return end(session, Session.Outcome.COMPLETED if completed else Session.Outcome.CANCELLED, "left", now)
+
+
+def end(session: str, outcome: str, reason: str, now: datetime.datetime, **only_if: Any) -> bool:
+    """End a visit, and free the robot if it held it; of several callers one gets True.
+
+    `only_if` are further conditions on the row, of a caller who decided on an earlier reading.
+    """
+    _send_home(session, now)  # before the robot is free, so that nobody takes it on its way
+    ended = (
+        Session.objects.filter(pk=session, state__in=LIVE)
+        .filter(**only_if)
+        .update(
+            state=Session.State.ENDED, outcome=outcome, outcome_reason=reason, live_key=str(session), ended_at=now, turn_ends_at=None, offered_at=None
+        )
+    )
+    if ended:
+        for lease in Lease.objects.filter(session_id=session).select_related("robot"):
+            change_lease(lease.robot, lease.epoch, session=None, peer="", now=now)
+    return bool(ended)
+
+
+def _send_home(session: str, now: datetime.datetime) -> None:
+    """Have the robot that a visit holds return before it is anybody's; the session manager undoes this for one that is still driven."""
+    for lease in Lease.objects.filter(session_id=session).select_related("robot"):
+        send_home(lease.robot, now)
+
+
+def send_home(robot: Robot, now: datetime.datetime) -> bool:
+    """Have a robot go home before anybody gets it; False when it does not do that, or is on its way already."""
+    if not robot.can_go_home:
+        return False
+    ready = Robot.objects.filter(pk=robot.pk, turnaround=Robot.Turnaround.READY)
+    return bool(ready.update(turnaround=Robot.Turnaround.RETURNING, turnaround_reason="dock", turnaround_at=now))
+
+
+def change_lease(robot: Robot, epoch: int, *, session: str | None, peer: str, now: datetime.datetime) -> bool:
+    """Change the lease if its epoch is still this one; the only statement that ever does."""
+    changed = Lease.objects.filter(robot=robot, epoch=epoch)
+    return bool(changed.update(epoch=epoch + 1, session_id=session, peer=peer, renewal=0, changed_at=now))
+
+
+def live_key(robot: Robot, visitor: User) -> str:
+    """Return what makes a visitor's living session at a robot the only one."""
+    return f"{robot.pk}:{visitor.pk}"
+
+
+def rules_of(robot: Robot) -> Rules:
+    """Return how long things take at this robot."""
+    minutes = robot.turn_minutes if robot.turn_minutes is not None else settings.TURN_MINUTES
+    return Rules(
+        turn=minutes * 60.0,
+        warning=settings.TURN_WARNING_SECONDS,
+        start=settings.START_SECONDS,
+        grace=settings.GRACE_SECONDS,
+        idle=settings.IDLE_SECONDS,
+    )
+
+
+def lease_message(
+    robot: Robot, who: str, hold: Hold, *, renewal: int, stamp: float, assist: str = "", fixed: Terms = FREE
+) -> m.Lease:  # fmt: skip
+    """Return what the robot is told of a lease that somebody holds.
+
+    `assist` is what the visitor chose, if anything; `fixed` are the terms of the visit, which go before it.
+    """
+    assert hold.session is not None
+    limits = m.LeaseLimits(linear=_least(robot.max_linear, fixed.linear), angular=_least(robot.max_angular, fixed.angular))
+    return m.Lease(
+        session=hold.session, epoch=hold.epoch, peer=hold.peer, who=who[:120], renewal=renewal, stamp=stamp,
+        ttl=settings.LEASE_TTL_SECONDS, limits=limits, assist=fixed.assist or assist or None, methods=fixed.controllers,
+        ways=None if fixed.control_way == "any" else (fixed.control_way,), actions=fixed.actions,
+    )  # fmt: skip
+
+
+def _least(*limits: float | None) -> float | None:
+    return min((limit for limit in limits if limit is not None), default=None)
+
+
+def load_scene(robot: Robot, now: datetime.datetime) -> Scene:
+    """Read what a decision about the robot looks at."""
+    return load_scenes([robot], now)[robot.pk]
+
+
+def load_scenes(robots: Sequence[Robot], now: datetime.datetime) -> dict[Any, Scene]:
+    """Read what decisions about robots look at, by the robots' keys, in as many queries as for one: sessions first, then leases (see the top)."""
+    keys = [robot.pk for robot in robots]
+    visits: dict[Any, dict[str, Visit]] = {key: {} for key in keys}
+    sessions: dict[str, Session] = {}
+    for session in Session.objects.filter(robot__in=keys, state__in=LIVE).defer("device", "summary"):
+        visits[session.robot_id][str(session.pk)], sessions[str(session.pk)] = visit_of(session), session
+    leases = {lease.robot_id: lease for lease in Lease.objects.filter(robot__in=keys)}
+    # Whoever has a robot and was not among them perhaps began after they were read.
+    late = [lease.session_id for key, lease in leases.items() if lease.session_id and str(lease.session_id) not in visits[key]]
+    for session in Session.objects.filter(pk__in=late, state__in=LIVE) if late else ():
+        visits[session.robot_id][str(session.pk)] = visit_of(session)
+    pauses = _pauses_of(keys)
+    scenes = {robot.pk: _scene(robot, leases.get(robot.pk), tuple(visits[robot.pk].values()), pauses.get(robot.pk, ""), now) for robot in robots}
+    return {robot.pk: _asked_if_ready(scenes[robot.pk], robot, sessions, now) for robot in robots}
+
+
+def _asked_if_ready(scene: Scene, robot: Robot, sessions: dict[str, Session], now: datetime.datetime) -> Scene:
+    """Ask for whoever would be next whether a free robot is as they need it."""
+    if scene.holder is not None or not scene.ready:
+        return scene
+    open_now = [visit for visit in scene.queue if visit.page_open(now.timestamp())]
+    next_ones = {visit.id for visit in (*open_now[:1], *(visit for visit in open_now if visit.offered_at is not None))}
+    why = {key: terms.not_ready(sessions[key].visitor, robot, now) for key in next_ones if key in sessions}
+    return replace(scene, visits=tuple(replace(visit, not_ready=why.get(visit.id, "")) for visit in scene.visits))
+
+
+def _scene(robot: Robot, lease: Lease | None, visits: tuple[Visit, ...], pause: str, now: datetime.datetime) -> Scene:
+    online = robot.is_online(now)
+    if lease is None:
+        return Scene(Hold(0), visits, robot.enabled, online, pause)
+    hold = Hold(lease.epoch, str(lease.session_id) if lease.session_id else None, lease.peer)
+    return Scene(hold, visits, robot.enabled, online, pause, lease.changed_at.timestamp())
+
+
+def _moment(unix: float) -> datetime.datetime:
+    return datetime.datetime.fromtimestamp(unix, datetime.UTC)
+
+
+def pause_of(robot: Robot) -> str:
+    """Return why a robot is not ready for a visit, empty when it is; read anew, because another process may just have sent it home."""
+    return _pauses_of([robot.pk]).get(robot.pk, "")
+
+
+def _pauses_of(keys: Sequence[Any]) -> dict[Any, str]:
+    rows = Robot.objects.filter(pk__in=keys).values_list("pk", "held", "returns_home", "turnaround", "turnaround_reason")
+    return {key: _pause(held, returns, phase, reason) for key, held, returns, phase, reason in rows}
+
+
+def _pause(held: str, returns: bool, phase: str, reason: str) -> str:  # noqa: FBT001 -- a row
+    if held:
+        return f"{Robot.Turnaround.PAUSED}: {held}"
+    return f"{phase}: {reason}" if returns and phase != Robot.Turnaround.READY else ""
+
+
+def visit_of(session: Session) -> Visit:
+    """Return the snapshot of a living session."""
+    fixed = terms.of(session)
+    return Visit(
+        id=str(session.pk),
+        visitor=str(session.visitor_id),
+        state=session.state,
+        queued_at=session.queued_at.timestamp(),
+        offered_at=_seconds(session.offered_at),
+        granted_at=_seconds(session.granted_at),
+        lost_at=_seconds(session.lost_at),
+        turn_ends_at=_seconds(session.turn_ends_at),
+        seen_at=_seconds(session.seen_at),
+        drove=session.first_motion_at is not None,
+        turn=fixed.turn_seconds,
+        grace=fixed.grace_seconds,
+        idle=fixed.idle_seconds,
+    )
+
+
+def _seconds(at: datetime.datetime | None) -> float | None:
+    return None if at is None else at.timestamp()
+
+
+def holder_of(robot: Robot, visitor: User) -> Lease | None:
+    """Return the robot's lease if it is this visitor's, who may come back to it."""
+    return Lease.objects.filter(robot=robot, session__visitor=visitor, session__state__in=LIVE).select_related("session").first()
+
+
+def is_free_drive(lease: Lease) -> bool:
+    """Tell whether the visit that holds a robot goes on nobody's terms, and has moved it."""
+    session = lease.session
+    return session is not None and not session.terms and session.first_motion_at is not None
+
+
+def living_session_of(robot: Robot, visitor: User) -> Session | None:
+    """Return the visitor's living session at a robot, for `hello`'s live_elsewhere and for links."""
+    return Session.objects.filter(live_key=live_key(robot, visitor)).first()

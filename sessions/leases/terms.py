@@ -1,0 +1,131 @@
+"""On what terms a visit goes: what an app above this one fixes when the robot is first granted, kept with the session for good.
+
+This app knows no studies. One that does registers a provider (in its AppConfig.ready) and is asked, in whichever process, before a
+visitor may have a robot, and once when a session gets it for the first time. What it answers is stored in `Session.terms`, said to the
+robot with every lease, which enforces it whichever way a command comes, and told to the page.
+"""
+
+import datetime
+from typing import TYPE_CHECKING, Any, Literal, Protocol
+
+import msgspec
+
+from robots.api.floorplan import DoorState
+from robots.api.messages import AssistLevel, NetworkLab
+from robots.api.prepared import prepare
+
+if TYPE_CHECKING:
+    from accounts.models import User
+    from robots.models import Robot
+    from sessions.models import Session
+
+
+class Terms(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """What is fixed; None or empty leaves a thing as the robot and the visitor have it. Metres, radians, seconds.
+
+    `actions` are types of Robot API actions, `controllers` input methods. A visitor who drives and then leaves has completed the visit
+    only where `leaving_completes`. `study` is what the app above wants to find again; it means nothing here.
+    """
+
+    label: str = ""
+    linear: float | None = None
+    angular: float | None = None
+    assist: AssistLevel | None = None
+    actions: tuple[str, ...] | None = None
+    controllers: tuple[str, ...] | None = None
+    control_way: Literal["any", "datachannel", "mqtt"] = "any"
+    interface: str = ""
+    turn_seconds: float | None = None
+    grace_seconds: float | None = None
+    idle_seconds: float | None = None
+    doors: dict[str, DoorState] = {}
+    control_network: NetworkLab | None = None
+    video_network: NetworkLab | None = None
+    leaving_completes: bool = True
+    study: dict[str, Any] = {}
+
+
+START = "start"  # how the reasons of visits begin that wait for the robot to be as their terms want it
+NOT_DOCKED = "not_docked"  # the one of them that a robot which goes home by itself can mend
+
+prepare(Terms)
+FREE = Terms()
+
+
+class NotGranted(Exception):  # noqa: N818 -- the name says what happened
+    """The robot is not for this visit after all; the message is the reason, one of sessions.protocol.Refused."""
+
+
+class Provider(Protocol):
+    """What an app above this one answers. All are called with the ORM at hand, and may be called again with the same result."""
+
+    def why_not(self, user: "User", robot: "Robot", now: datetime.datetime) -> str:
+        """Return why this visitor may not ask for the robot now, as one word that the page has a sentence for; empty when they may."""
+
+    def not_ready(self, user: "User", robot: "Robot", now: datetime.datetime) -> str:
+        """Return why the robot is not yet as a visit of this visitor needs it, as one word; empty when it is, or that is nobody's business.
+
+        Such a visit waits, first in the queue, until it is.
+        """
+
+    def granted(self, session: "Session", now: datetime.datetime) -> Terms | None:
+        """Return the terms of a session that gets the robot for the first time; None when it is none of the provider's business.
+
+        Raises:
+            NotGranted: the visit must not begin; it is ended.
+        """
+
+    def claims(self, user: "User", robot: "Robot") -> bool:
+        """Tell whether a visit that this visitor begins with the robot now would go on terms of the provider's."""
+
+    def shown(self, session: str) -> dict[str, Any]:
+        """Return the `data` of the newest `task` news of a session, for a page that comes back; empty when there is none."""
+
+
+_providers: list[Provider] = []
+
+
+def register(provider: Provider) -> None:
+    """Have a provider asked from now on; registering twice does nothing."""
+    if provider not in _providers:
+        _providers.append(provider)
+
+
+def why_not(user: "User", robot: "Robot", now: datetime.datetime) -> str:
+    """Return the first provider's reason against a visit; empty when nobody has one."""
+    return next((reason for provider in _providers if (reason := provider.why_not(user, robot, now))), "")
+
+
+def not_ready(user: "User", robot: "Robot", now: datetime.datetime) -> str:
+    """Return why a robot is not yet as a visit needs it, as Scene.pause says such things; empty when it is."""
+    return next((f"{START}: {reason}" for provider in _providers if (reason := provider.not_ready(user, robot, now))), "")
+
+
+def claims(user: "User", robot: "Robot") -> bool:
+    """Tell whether a visit that begins now would go on anybody's terms."""
+    return any(provider.claims(user, robot) for provider in _providers)
+
+
+def of_granted(session: "Session", now: datetime.datetime) -> Terms:
+    """Ask the providers for the terms of a session that is granted for the first time.
+
+    Raises:
+        NotGranted: the visit must not begin.
+    """
+    return next((terms for provider in _providers if (terms := provider.granted(session, now)) is not None), FREE)
+
+
+def shown(session: str) -> dict[str, Any]:
+    """Return what a page that takes a session is shown of its task; empty when there is none."""
+    return next((data for provider in _providers if (data := provider.shown(session))), {})
+
+
+def of(session: "Session") -> Terms:
+    """Return the terms that a session was granted on."""
+    return msgspec.convert(session.terms, Terms) if session.terms else FREE
+
+
+def stored(terms: Terms) -> dict[str, Any]:
+    """Return terms as `Session.terms` keeps them."""
+    found: dict[str, Any] = msgspec.to_builtins(terms)
+    return found

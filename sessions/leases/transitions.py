@@ -1,0 +1,264 @@
+"""What time does to visits: connected, lost, back, turn over, next in the queue. Only the session manager asks.
+
+Rules, all in seconds unless said otherwise:
+
+- A granted visit that is not connected after `start` ends as connection_refused.
+- A driving visitor whose heartbeat the robot has not heard for HEARTBEAT_SILENCE is reconnecting, and after `grace` the visit ends as
+  connection_lost. A closed page alone means nothing while the heartbeat lives on the data channel; when the robot says nothing
+  either, the page is all there is to go by.
+- A robot that is not heard of for ROBOT_SILENCE ends the visit as robot_fault.
+- `turn` and `grace` are the robot's, or what the terms of the visit say (sessions/leases/terms.py).
+- A turn is a limit only while somebody waits whose page is open. It then ends `turn` after the grant, but never earlier than `warning`
+  after the moment from which somebody waited. When nobody waits any more, the limit is lifted.
+- A driver who does nothing for `idle` is asked whether anybody is there, and without a sign after ANSWER_SECONDS, and ON_THE_WAY for question and
+  answer to arrive, the visit ends as if its turn were over. Driving, a touch of the page, a call and what the robot does by itself are signs; a
+  lost connection is another matter, and who comes back from one is asked anew.
+- A free robot that is ready is offered to the first in the queue whose page is open, once it is also as that visit's terms want it; until then
+  nobody behind gets it either, but who operates it may take it. After `start` the offer lapses, that visit is cancelled, and
+  the next one is asked. Who waits with a closed page keeps the place for `grace`.
+
+Decided on plain snapshots. No deadline counts from before `Link.since`, when the session manager began to hear robots: nobody is
+punished for its own absence.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from sessions.leases.policy import Hold, Rules, Scene, State, Visit, offer_alive, ready, turn_end
+
+HEARTBEAT_SILENCE = 2.0
+STATE_SILENCE = 3.0
+ROBOT_SILENCE = 30.0
+ANSWER_SECONDS = 30.0
+ON_THE_WAY = 5.0
+IDLE = "idle"  # the reason of a visit whose driver gave no sign any more
+
+
+@dataclass(frozen=True)
+class Link:
+    """What was last heard of the robot: anything at all at `heard_at`; the newest state at `state_at`, with these of its fields.
+
+    `since` is when the session manager began to listen, `silence` State.visitor_silence, and `moved` says whether a command of this
+    session and epoch has ever moved the robot. `active_at` is when the robot last showed a sign of its driver, `signs` when pages gave
+    one, by their visits (it may grow while it is looked at), `asked` which visit was last asked for one, and when.
+    """
+
+    since: float = 0.0
+    heard_at: float | None = None
+    state_at: float | None = None
+    session: str | None = None
+    epoch: int = 0
+    silence: float | None = None
+    moved: bool = False
+    active_at: float | None = None
+    asked: tuple[str, float] | None = None
+    signs: Mapping[str, float] = field(default_factory=dict, compare=False)
+
+
+@dataclass(frozen=True)
+class Free:
+    """The lease names a visit that is over: give it up."""
+
+    epoch: int
+
+
+@dataclass(frozen=True)
+class Move:
+    """The visit now stands at `state`; `lost_at` is None when it is connected."""
+
+    visit: str
+    state: State
+    lost_at: float | None = None
+
+
+@dataclass(frozen=True)
+class Drove:
+    """The visitor has moved the robot for the first time."""
+
+    visit: str
+
+
+@dataclass(frozen=True)
+class End:
+    """The visit is over, with one of sessions.models.Session.Outcome."""
+
+    visit: str
+    outcome: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class SetTurn:
+    """The turn ends then; None: not limited."""
+
+    visit: str
+    ends_at: float | None
+
+
+@dataclass(frozen=True)
+class Warn:
+    """The turn ends in `remaining` seconds; said at every tick of the last minutes, for the shell to say once."""
+
+    visit: str
+    remaining: float
+
+
+@dataclass(frozen=True)
+class AskThere:
+    """Ask whether the driver is still there; the robot is given away after `seconds` without a sign."""
+
+    visit: str
+    seconds: float
+
+
+@dataclass(frozen=True)
+class FoundThere:
+    """The driver who was asked has given a sign."""
+
+    visit: str
+
+
+@dataclass(frozen=True)
+class Offer:
+    """The robot is this visit's, if it takes it in time."""
+
+    visit: str
+
+
+@dataclass(frozen=True)
+class Withdraw:
+    """The robot went away: the offer is taken back and made again later."""
+
+    visit: str
+
+
+@dataclass(frozen=True)
+class Lose:
+    """A waiting visit's page has been gone, unnoticed by its web process, since `lost_at`."""
+
+    visit: str
+    lost_at: float
+
+
+Act = Free | Move | Drove | End | SetTurn | Warn | AskThere | FoundThere | Offer | Withdraw | Lose
+
+
+def decide_tick(scene: Scene, link: Link, rules: Rules, now: float) -> tuple[Act, ...]:
+    """Return what is to be done now, in order; nothing when all is well."""
+    acts = [*_orphans(scene), *_waiting(scene, link, rules, now)]
+    holder = scene.holder
+    if holder is not None:
+        acts += _driver(scene, holder, link, rules, now)
+    elif scene.hold.session is not None:
+        acts.append(Free(scene.hold.epoch))
+    else:
+        acts += _offers(scene, rules, now)
+    return tuple(acts)
+
+
+def _orphans(scene: Scene) -> Iterator[Act]:
+    """A visit that drives without the lease cannot come about while every process finishes what it began; one may have been killed."""
+    for visit in scene.visits:
+        if visit.state != "waiting" and visit.id != scene.hold.session:
+            yield End(visit.id, "connection_lost", "lease_gone")
+
+
+def _waiting(scene: Scene, link: Link, rules: Rules, now: float) -> Iterator[Act]:
+    for visit in scene.queue:
+        # An offer that nobody could take does not lapse: it is withdrawn.
+        if scene.ready and not visit.not_ready and visit.offered_at is not None and now - max(visit.offered_at, link.since) >= rules.start:
+            yield End(visit.id, "cancelled", "turn_not_taken")
+        elif visit.page_open(now):
+            continue
+        elif visit.lost_at is None:
+            yield Lose(visit.id, now)
+        elif now - max(visit.lost_at, link.since) > rules.grace:
+            yield End(visit.id, "cancelled", "page_gone")
+
+
+def _driver(scene: Scene, holder: Visit, link: Link, rules: Rules, now: float) -> Iterator[Act]:
+    fault = _fault(scene, holder, link, now)
+    if fault is not None:
+        yield fault
+        return
+    if link.moved and not holder.drove and _speaks_of(link, holder, scene.hold):
+        yield Drove(holder.id)
+    moved_on = _connection(scene.hold, holder, link, rules.of(holder), now)
+    if moved_on is not None:
+        yield moved_on
+    idle = _idle(holder, link, rules.of(holder), now) if holder.state == "driving" and moved_on is None else None
+    if idle is not None:
+        yield idle
+    if not isinstance(moved_on, End) and not isinstance(idle, End):
+        yield from _turn(scene, holder, rules, now)
+
+
+def _fault(scene: Scene, holder: Visit, link: Link, now: float) -> End | None:
+    if not scene.enabled:
+        return End(holder.id, "stopped_by_operator", "robot_disabled")
+    heard = max(link.since, link.heard_at or 0.0, holder.granted_at or 0.0)
+    if now - heard > ROBOT_SILENCE:
+        return End(holder.id, "robot_fault", "robot_offline")
+    return None
+
+
+def visitor_here(hold: Hold, holder: Visit, link: Link, now: float) -> bool | None:
+    """Tell whether the driver is connected to the robot; None when the robot's silence leaves it open."""
+    if link.state_at is None or now - link.state_at > STATE_SILENCE:
+        return None if holder.page_open(now) else False
+    return _speaks_of(link, holder, hold) and link.silence is not None and link.silence <= HEARTBEAT_SILENCE
+
+
+def _speaks_of(link: Link, holder: Visit, hold: Hold) -> bool:
+    return link.session == holder.id and link.epoch == hold.epoch
+
+
+def _connection(hold: Hold, holder: Visit, link: Link, rules: Rules, now: float) -> Move | End | None:
+    if holder.state == "waiting":  # the process that granted the lease did not live to say so
+        return Move(holder.id, "connecting")
+    here = visitor_here(hold, holder, link, now)
+    if holder.state == "driving":
+        return Move(holder.id, "reconnecting", now) if here is False else None
+    if here:
+        return Move(holder.id, "driving")
+    if holder.state == "connecting":
+        refused = now - max(holder.granted_at or now, link.since) > rules.start
+        return End(holder.id, "connection_refused", "never_connected" if holder.page_open(now) else "page_gone") if refused else None
+    lost = now - max(holder.lost_at or now, link.since) > rules.grace
+    return End(holder.id, "connection_lost", "visitor_silent") if lost else None
+
+
+def _idle(holder: Visit, link: Link, rules: Rules, now: float) -> AskThere | FoundThere | End | None:
+    still_since = max(link.since, link.active_at or 0.0, link.signs.get(holder.id, 0.0), holder.granted_at or 0.0)
+    asked_at = link.asked[1] if link.asked is not None and link.asked[0] == holder.id else None
+    if rules.idle <= 0.0 or now - still_since < rules.idle:
+        return FoundThere(holder.id) if asked_at is not None else None
+    if asked_at is None or asked_at < still_since:
+        return AskThere(holder.id, ANSWER_SECONDS)
+    return End(holder.id, "timed_out", IDLE) if now - asked_at >= ANSWER_SECONDS + ON_THE_WAY else None
+
+
+def _turn(scene: Scene, holder: Visit, rules: Rules, now: float) -> Iterator[Act]:
+    if not any(ready(visit, now) for visit in scene.queue):
+        if holder.turn_ends_at is not None:
+            yield SetTurn(holder.id, None)
+        return
+    ends_at = turn_end(holder, rules, now)
+    if now >= ends_at:
+        yield End(holder.id, "timed_out", "turn_over")
+        return
+    if holder.turn_ends_at is None:
+        yield SetTurn(holder.id, ends_at)
+    if ends_at - now <= rules.warning:
+        yield Warn(holder.id, ends_at - now)
+
+
+def _offers(scene: Scene, rules: Rules, now: float) -> Iterator[Act]:
+    offered = [visit for visit in scene.queue if visit.offered_at is not None]
+    unready = [visit for visit in offered if visit.not_ready or not scene.ready]
+    if unready or not scene.ready:
+        yield from (Withdraw(visit.id) for visit in unready)
+    elif not any(offer_alive(visit, rules, now) for visit in offered):
+        first = next((visit for visit in scene.queue if ready(visit, now)), None)
+        if first is not None and not first.not_ready:
+            yield Offer(first.id)

@@ -1,0 +1,91 @@
+"""What the server has set on each robot, said to it retained: assistance, doors and networks (`config`) and its map (`floorplan`).
+
+The session manager says it when it begins and whenever it was changed in the administration, so that a robot knows its site before
+anybody visits it. While a visit holds the robot, its terms go before what is set there; afterwards what they changed is undone: a
+door that only the terms spoke of stands again as the plan has it.
+"""
+
+import datetime
+from dataclasses import dataclass, field
+from typing import Any
+
+import msgspec
+
+from robots.api import codec, topics
+from robots.api.floorplan import DoorState
+from robots.api.messages import Config
+from robots.models import FloorPlan, Robot
+from sessions.leases import terms
+from sessions.leases.store import LIVE
+from sessions.leases.terms import FREE, Terms
+from sessions.manager.scheduler import Letter
+from sessions.models import Lease, Session
+
+
+@dataclass
+class _Told:
+    """What a robot was told last; `doors` are those that terms have ever set."""
+
+    doors: set[str] = field(default_factory=set)
+    config: Config | None = None
+    floor_plan: str = ""
+
+
+class StandingOrders:
+    """Remembers what each robot was told."""
+
+    def __init__(self) -> None:
+        self._told: dict[str, _Told] = {}
+
+    def look(self, now: datetime.datetime) -> list[Letter]:
+        """Return what has changed since the last look; everything at the first one."""
+        letters = []
+        plans = FloorPlan.objects.values_list("pk", "sha256", "plan")
+        maps = {key: (f"{sha256} {plan}" if sha256 else "", plan) for key, sha256, plan in plans}
+        held = {lease.robot_id: lease.session for lease in Lease.objects.filter(session__state__in=LIVE).select_related("session") if lease.session}
+        for robot in Robot.objects.only("name", "assist", "doors", "floor_plan", "calls"):
+            told = self._told.get(robot.name)
+            if told is None:
+                told = self._told[robot.name] = _Told(_doors_before(robot))
+            session = held.get(robot.pk)
+            fixed = terms.of(session) if session is not None else FREE
+            content, plan = maps.get(robot.floor_plan_id, ("", {}))
+            config = _config(robot, session, fixed, _untouched(told.doors | set(fixed.doors), plan))
+            told.doors |= set(fixed.doors)
+            if told.config != config:
+                told.config = config
+                letters.append(_retained(robot.name, "config", codec.encode(_stamped(config, now))))
+            if content and told.floor_plan != content:
+                told.floor_plan = content
+                update = FloorPlan.objects.get(pk=robot.floor_plan_id).as_message()
+                letters.append(_retained(robot.name, "floorplan", codec.encode(update)))
+        return letters
+
+
+def _doors_before(robot: Robot) -> set[str]:
+    """Return the doors that the terms of the robot's last visit spoke of, for a session manager that was not there to see it end."""
+    last = Session.objects.filter(robot=robot, granted_at__isnull=False).order_by("-granted_at").only("terms").first()
+    return set(terms.of(last).doors) if last is not None else set()
+
+
+def _untouched(doors: set[str], plan: dict[str, Any]) -> dict[str, DoorState]:
+    """Return how doors stand that nobody has set."""
+    planned: dict[str, DoorState] = {door["name"]: door.get("state", "open") for door in plan.get("doors", ())}
+    return {name: planned.get(name, "open") for name in sorted(doors)}
+
+
+def _config(robot: Robot, session: Session | None, fixed: Terms, untouched: dict[str, DoorState]) -> Config:
+    impaired = fixed.control_network is not None or fixed.video_network is not None
+    return Config(
+        stamp=0.0, assist=fixed.assist or robot.assist, doors={**untouched, **robot.doors, **fixed.doors},  # type: ignore[arg-type]
+        control_network=fixed.control_network, video_network=fixed.video_network, calls=robot.calls,  # type: ignore[arg-type]
+        network_session=str(session.pk) if session is not None and impaired else None,
+    )  # fmt: skip
+
+
+def _stamped(config: Config, now: datetime.datetime) -> Config:
+    return msgspec.structs.replace(config, stamp=now.timestamp())
+
+
+def _retained(robot: str, suffix: str, payload: bytes) -> Letter:
+    return Letter(topics.of(robot, suffix), payload, retain=True)

@@ -1,0 +1,49 @@
+"""What the session manager has heard of sessions, told to the apps above as signals. In the clockwork's thread."""
+
+import logging
+from collections.abc import Iterable, Mapping
+
+from robots.api.errors import Rejection
+from sessions import protocol, signals
+from sessions.manager.ingest import Fresh
+from sessions.manager.scheduler import send
+from sessions.recording.items import ActionItem, EventItem, PageItem, StateItem
+
+logger = logging.getLogger(__name__)
+
+
+def send_all(items: Iterable[Fresh], offsets: Mapping[str, float | None]) -> None:
+    """Send the signals of what came; `offsets` has each robot's clock minus ours, in seconds."""
+    for item in items:
+        match item:
+            case StateItem():
+                _send_state(item)
+            case EventItem(robot, event, received_at) if event.session is not None:
+                _send(robot, event.session, event, received_at, offsets.get(robot))
+            case ActionItem(robot, session, status, received_at):
+                _send(robot, session, status, received_at, offsets.get(robot))
+            case PageItem():
+                _send_page(item)
+
+
+def _send_state(item: StateItem) -> None:
+    signal = signals.state_recovered if item.late else signals.state_received
+    send(
+        signal, robot=item.robot, session=item.state.session, state=item.state, received_at=item.received_at, clock_offset=item.clock_offset
+    )  # fmt: skip
+
+
+def _send(robot: str, session: str, message: object, received_at: float, offset: float | None) -> None:
+    send(signals.message_received, robot=robot, session=session, message=message, received_at=received_at, clock_offset=offset)
+
+
+def _send_page(item: PageItem) -> None:
+    report = item.report
+    if report.suffix != "page/event":
+        return
+    try:
+        message = protocol.decode(report.suffix, bytes(report.message).decode())
+    except (Rejection, UnicodeDecodeError) as error:
+        logger.warning("page_report_malformed session=%s reason=%s", report.session, error)
+        return
+    _send("", report.session, message, item.received_at, None)

@@ -1,0 +1,172 @@
+"""What arrives at the session manager, sorted: to the recorder, into memory, and into line for presence and signals.
+
+Runs in the loop's thread and waits for nothing. Bytes that are no message are counted, logged and dropped.
+"""
+
+import logging
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import aiomqtt
+import msgspec
+
+from robots.api import codec, messages, topics
+from robots.api.errors import Rejection
+from sessions import protocol
+from sessions.leases.readiness import ORDERED
+from sessions.manager.robot_liveness import Heard
+from sessions.recording.items import ActionItem, EventItem, PageItem, PhotoItem, StateItem
+from sessions.recording.recorder import Recorder
+
+logger = logging.getLogger(__name__)
+
+LISTENED = ("connection", "factsheet", "state", "event", "action", "heartbeat", "photo/+")
+MAX_UNSENT = 10_000
+MAX_SIGNS = 10_000
+ENDED = frozenset({"FINISHED", "FAILED", "CANCELLED"})
+# Answers to what is repeated many times a second, or asked for by the session manager itself, are no part of a record.
+UNRECORDED = frozenset({"", "stop", "estop", "resend_states"})
+# News of the web processes after which it is worth looking at the database at once.
+PRESSING = frozenset({"granted", "ended", "stop"})
+_NEWS = topics.session_news("")
+_REPORTS = protocol.page_reports("")
+
+
+def filters() -> list[tuple[str, int]]:
+    """Return the (filter, QoS) pairs that the session manager subscribes to."""
+    lines = [(suffix, topics.find(suffix.replace("+", "x"))) for suffix in LISTENED]
+    robots = [(topics.of("+", suffix), line.qos) for suffix, line in lines if line is not None]
+    return [*robots, (topics.session_news("+"), 1), (protocol.page_reports("+"), 1)]
+
+
+@dataclass(frozen=True)
+class PresenceNews:
+    """A message that says something of a robot's presence."""
+
+    robot: str
+    message: messages.Message
+    retained: bool = False
+
+
+class Intake:
+    """Takes every message.
+
+    Args:
+        recorder: gets what belongs into the record.
+        clock: Unix seconds.
+        wake_signals: called when `fresh` has something new.
+        wake_clockwork: called when a web process has changed something.
+    """
+
+    def __init__(
+        self, recorder: Recorder, clock: Callable[[], float], *, wake_signals: Callable[[], None], wake_clockwork: Callable[[], None]
+    ) -> None:
+        self._recorder = recorder
+        self._clock = clock
+        self._wake_signals = wake_signals
+        self._wake_clockwork = wake_clockwork
+        self._presence: deque[PresenceNews] = deque()
+        self._fresh: deque[Fresh] = deque(maxlen=MAX_UNSENT)
+        self.heard: dict[str, Heard] = {}
+        self.signs: dict[str, float] = {}  # visit: when its page last gave a sign
+        self.counts: Counter[str] = Counter()
+
+    def receive(self, message: aiomqtt.Message) -> None:
+        """Take a message of the broker."""
+        topic, payload = str(message.topic), bytes(message.payload or b"")  # type: ignore[arg-type]
+        try:
+            self._hear(topic, payload, retained=message.retain)
+        except Rejection as rejection:
+            self.counts[rejection.reason] += 1
+            if self.counts[rejection.reason] <= 100 or self.counts[rejection.reason] % 1000 == 0:  # noqa: PLR2004 -- a flood fills no disk
+                logger.warning("message_rejected topic=%s reason=%s count=%d", topic, rejection, self.counts[rejection.reason])
+
+    def _hear(self, topic: str, payload: bytes, *, retained: bool) -> None:
+        now = self._clock()
+        if topic.startswith(_REPORTS):
+            report = _decoded(protocol.PageReport, payload, topic)
+            self._put(PageItem(report, now))
+            self._notice_sign(report, now)
+        elif topic.startswith(_NEWS):
+            if _decoded(messages.ServerNews, payload, topic).type in PRESSING:
+                self._wake_clockwork()
+        else:
+            parsed = topics.parse(topic)
+            if parsed is None:
+                raise Rejection("unknown_topic", topic[:80])
+            self._hear_robot(*parsed, payload, now, retained=retained)
+
+    def _hear_robot(self, robot: str, suffix: str, payload: bytes, now: float, *, retained: bool) -> None:
+        message = codec.decode(suffix, payload, "from_robot")
+        heard = self.heard.get(robot) or self.heard.setdefault(robot, Heard())
+        match message:
+            case messages.State():
+                self._hear_state(robot, heard, message, payload, now)
+            case messages.Heartbeat():
+                heard.heartbeat(message, now)
+            case messages.ActionStatus():
+                heard.answer(message)
+                session = heard.state.session if heard.state is not None else None
+                if session is not None and message.status in ENDED and message.type not in UNRECORDED:
+                    self._put(ActionItem(robot, session, message, now))
+            case messages.Event() if message.type != "photo" or not _is_ordered(message.action_id):
+                self._put(EventItem(robot, message, now))
+            case messages.Connection():
+                heard.connection(message, now)
+                self._presence.append(PresenceNews(robot, message, retained))
+            case messages.Factsheet():
+                self._presence.append(PresenceNews(robot, message, retained))
+            case bytes() if not _is_ordered(action := suffix.partition("/")[2]):
+                self._recorder.put(PhotoItem(robot, action, message, now))
+
+    def _hear_state(self, robot: str, heard: Heard, state: messages.State, payload: bytes, now: float) -> None:
+        item = StateItem(robot, state, payload, now, heard.offset.seconds, late=not heard.take(state, now))
+        self._recorder.put(item)
+        if state.session is not None:
+            self._freshen(item)
+
+    def _notice_sign(self, report: protocol.PageReport, now: float) -> None:
+        if report.suffix != "page/event" or _decoded(protocol.PageEvent, bytes(report.message), report.suffix).type != protocol.HERE:
+            return
+        # Whatever the robot says of the visit meanwhile: on a busy site its state may be late, or name no visit for a moment.
+        self.signs.pop(report.session, None)
+        self.signs[report.session] = now
+        if len(self.signs) > MAX_SIGNS:
+            del self.signs[next(iter(self.signs))]
+
+    def _put(self, item: EventItem | ActionItem | PageItem) -> None:
+        self._recorder.put(item)
+        self._freshen(item)
+
+    def _freshen(self, item: "Fresh") -> None:
+        self._fresh.append(item)
+        self._wake_signals()
+
+    def presence_news(self) -> list[PresenceNews]:
+        """Return what came since the last call, and the newest state of every robot that speaks."""
+        news = [self._presence.popleft() for _ in range(len(self._presence))]
+        now = self._clock()
+        return news + [PresenceNews(robot, heard.state) for robot, heard in list(self.heard.items()) if heard.state and heard.is_present(now)]
+
+    def fresh(self) -> list["Fresh"]:
+        """Return what came of sessions since the last call: states in order of seq but for late ones, and whatever else was said."""
+        return [self._fresh.popleft() for _ in range(len(self._fresh))]
+
+
+def _is_ordered(action_id: str | None) -> bool:
+    """Tell whether something comes of what was ordered between two visits: such a picture only shows that the camera works."""
+    return (action_id or "").startswith(ORDERED)
+
+
+Fresh = StateItem | EventItem | ActionItem | PageItem
+
+
+def _decoded(kind: type[Any], payload: bytes, topic: str) -> Any:
+    if len(payload) > protocol.MAX_FRAME:
+        raise Rejection("oversized", topic[:80])
+    try:
+        return msgspec.json.decode(payload, type=kind)
+    except (msgspec.DecodeError, RecursionError) as error:
+        raise Rejection("malformed", f"{topic[:80]}: {error}") from error

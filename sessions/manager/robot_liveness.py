@@ -1,0 +1,93 @@
+"""What the session manager has heard of robots, in memory: the newest state of each, whether it is driven, and its clock."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from robots.api.messages import ActionStatus, Connection, Heartbeat, State
+from sessions.leases.transitions import Link
+from sessions.manager.clock_offset import ClockOffset
+
+PEER = "server"
+PRESENT_SECONDS = 15.0
+ANSWERS_KEPT = 50
+ECHO_SECONDS = 5.0
+ROUND_TRIP = 0.5  # seconds: twice the age at which a robot refuses a command, so whoever drives it over the broker could not
+NO_SIGNS: Mapping[str, float] = MappingProxyType({})
+BY_ITSELF = frozenset({"goto", "docking"})
+
+
+@dataclass
+class Heard:
+    """One robot. Times in Unix seconds by our clock, of receipt."""
+
+    heard_at: float = 0.0
+    boot: str = ""
+    seq: int = -1
+    state_at: float | None = None
+    state: State | None = None
+    moved: tuple[str, int] | None = None
+    active_at: float | None = None
+    page: tuple[str, int] | None = None  # session and epoch of the page that drives, or drove last
+    offset: ClockOffset = field(default_factory=lambda: ClockOffset(PEER))
+    beats: int = 0
+    answers: dict[str, ActionStatus] = field(default_factory=dict)
+
+    def connection(self, message: Connection, now: float) -> None:
+        """Note that the robot came or went; a new run of the agent may have another clock."""
+        if message.state == "ONLINE":
+            self.heard_at = now
+            self._new_run(message.boot)
+
+    def heartbeat(self, message: Heartbeat, now: float) -> None:
+        """Note a beat."""
+        self.heard_at = now
+        self.offset.hear(message, now)
+
+    def answer(self, status: ActionStatus) -> None:
+        """Note how far an action is, of the last few."""
+        self.answers.pop(status.action_id, None)
+        self.answers[status.action_id] = status
+        if len(self.answers) > ANSWERS_KEPT:
+            del self.answers[next(iter(self.answers))]
+
+    def take(self, state: State, now: float) -> bool:
+        """Note a state; False when it is an older one, sent again."""
+        self.heard_at = now
+        self._new_run(state.boot)
+        if state.seq <= self.seq:
+            return False
+        if self._is_sign(state):
+            self.active_at = now
+        self.seq, self.state_at, self.state = state.seq, now, state
+        if state.session is not None and any(command.linear or command.angular for command in state.applied):
+            self.moved = (state.session, state.epoch)
+        return True
+
+    def _is_sign(self, state: State) -> bool:
+        """Tell whether a state shows that its driver is there: a page has come, drives, talks, or has told the robot where to go."""
+        before = self.page
+        if state.session is not None:  # a lease that lapsed and was renewed is no page that came
+            self.page = (state.session, state.epoch)
+        return self.page != before or bool(state.applied) or state.mode in BY_ITSELF or state.call is not None
+
+    def _new_run(self, boot: str) -> None:
+        if boot != self.boot:
+            self.boot, self.seq, self.offset = boot, -1, ClockOffset(PEER)
+
+    def is_present(self, now: float) -> bool:
+        """Tell whether the robot was heard of within the last seconds."""
+        return now - self.heard_at < PRESENT_SECONDS
+
+    def is_prompt(self, now: float) -> bool:
+        """Tell whether the robot answers our beats, and at the best of the last ones soon enough to be driven."""
+        trip, at = self.offset.round_trip, self.offset.heard_at
+        return trip is not None and at is not None and trip <= ROUND_TRIP and now - at <= ECHO_SECONDS
+
+    def link(self, since: float, signs: Mapping[str, float] = NO_SIGNS) -> Link:
+        """Return what the timekeeper needs to know; `signs` are those of pages, of every visit."""
+        state = self.state
+        if state is None:
+            return Link(since=since, heard_at=self.heard_at, signs=signs)
+        moved = self.moved == (state.session, state.epoch)
+        return Link(since, self.heard_at, self.state_at, state.session, state.epoch, state.visitor_silence, moved, self.active_at, signs=signs)

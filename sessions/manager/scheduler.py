@@ -1,0 +1,284 @@
+"""The session manager's look at the database: twice a second it does what is due and collects what is to be published.
+
+Synchronous; all of it runs in one thread of the session manager. What it decides stands in the database before anybody is told, and
+what is to be told waits in `outbox` until the loop has published it, so that an error half-way loses nothing.
+"""
+
+import datetime
+import logging
+import random
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import Any
+
+from django.conf import settings
+from django.db import DatabaseError
+from django.dispatch import Signal
+
+from robots import log_ids
+from robots.api import codec, topics
+from robots.api.messages import ServerNews
+from robots.models import Robot
+from sessions import signals, system_log
+from sessions.leases import store, terms
+from sessions.leases.expiry import tick
+from sessions.leases.policy import Hold, Scene, minutes_until_turn
+from sessions.leases.store import LIVE, lease_message, load_scene, load_scenes, rules_of
+from sessions.leases.transitions import ANSWER_SECONDS, Act, AskThere, Drove, End, FoundThere, Link, Move, Offer, SetTurn, Warn
+from sessions.manager.health import is_disk_full
+from sessions.models import Lease, Session, SessionEvent
+from sessions.recording.items import CloseItem
+
+logger = logging.getLogger(__name__)
+
+CLOSE_AGAIN_SECONDS = 5.0
+CALL_SECONDS = 5.0  # for which a robot is not as the next visit needs it before anybody is called: one that has just come says how it is
+NEVER = (-1, 0.0)  # epoch and time of a lease that was not published yet
+UNREAD = ("report", "doors", "description")  # of a robot, which nobody needs here twice a second
+
+
+@dataclass(frozen=True)
+class Letter:
+    """Something to publish at QoS 1; `retain` for leases."""
+
+    topic: str
+    payload: bytes
+    retain: bool = False
+
+
+class Timekeeper:
+    """Everything that the session manager remembers between two looks; the rest is in the database."""
+
+    def __init__(self) -> None:
+        self.outbox: deque[Letter] = deque()
+        self._leases: dict[str, tuple[int, float]] = {}  # robot: epoch, when renewed
+        self._counted: dict[str, tuple[int, int]] = {}  # robot: epoch, number of the newest copy
+        self._places: dict[str, tuple[int, int, str]] = {}  # session: place, whole minutes, why it is not ready
+        self._warned: set[tuple[str, int]] = set()
+        self._asked: dict[str, tuple[str, float]] = {}  # robot: which visit was asked for a sign, and when
+        self._unready: dict[str, tuple[str, float]] = {}  # session: why the robot is not as it needs it, and since when
+        self._told: set[str] = set()
+        self._closing: dict[str, float] = {}
+
+    def begin(self) -> None:
+        """Forget what was published: a new broker, or an old one that has forgotten it too, is told everything again.
+
+        The broker may have kept a lease of any robot from before a crash, so that the next renewal tells each who drives, or that nobody
+        does: what is read here may be out of date by then.
+        """
+        for letter in [letter for letter in self.outbox if letter.retain]:
+            self.outbox.remove(letter)
+        self._leases = dict.fromkeys(Robot.objects.values_list("name", flat=True), NEVER)
+        self._places = {}
+
+    def look(self, links: dict[str, Link], default: Link, now: datetime.datetime) -> list[CloseItem]:
+        """Do what is due everywhere; return the sessions whose record can be closed.
+
+        Args:
+            links: what was last heard of each robot, by name.
+            default: for a robot that was not heard of.
+            now: aware.
+        """
+        queues = set(Session.objects.filter(state=Session.State.WAITING).values_list("robot_id", flat=True))
+        robots = self._busy_robots()
+        scenes = load_scenes(robots, now)
+        for robot in robots:
+            link = replace(links.get(robot.name, default), asked=self._asked.get(robot.name))
+            with log_ids.about(robot=robot.name):
+                for act in tick(robot, link, now, scenes[robot.pk]):
+                    self._tell(act, robot, now)
+                if robot.pk in queues:
+                    self._tell_places(robot, now)
+        return self._finish(now)
+
+    @staticmethod
+    def _busy_robots() -> list[Robot]:
+        keys = set(Session.objects.filter(state__in=LIVE).values_list("robot_id", flat=True))
+        keys |= set(Lease.objects.filter(session__isnull=False).values_list("robot_id", flat=True))
+        return list(Robot.objects.filter(pk__in=keys).defer(*UNREAD).order_by("name"))
+
+    # --- news --------------------------------------------------------------------------------------------------------
+
+    def _tell(self, act: Act, robot: Robot, now: datetime.datetime) -> None:
+        match act:
+            case Move():
+                self._tell_moved(act, robot, now)
+            case Offer(visit):
+                self._note(visit, "offered", now)
+                self._news("granted", visit, now, remaining=settings.START_SECONDS)
+            case Warn(visit, remaining):
+                ends_at = round(now.timestamp() + remaining)
+                if not {(visit, ends_at + slack) for slack in (-1, 0, 1)} & self._warned:
+                    self._warned.add((visit, ends_at))
+                    self._note(visit, "turn_warning", now, remaining=round(remaining, 1))
+                    self._news("warning", visit, now, remaining=remaining)
+            case AskThere() | FoundThere():
+                self._tell_asked(act, robot, now)
+            case Drove(visit):
+                self._note(visit, "first_motion", now)
+            case SetTurn(visit, ends_at):
+                self._note(visit, "turn_limited" if ends_at else "turn_unlimited", now)
+                if ends_at is None:
+                    self._warned = {pair for pair in self._warned if pair[0] != visit}
+            case End(visit, outcome, reason) if outcome in {"robot_fault", "stopped_by_operator"}:
+                system_log.log("session_broken_off", "warning", robot=robot, session=visit, at=now, outcome=outcome, reason=reason)
+
+    def _tell_moved(self, move: Move, robot: Robot, now: datetime.datetime) -> None:
+        self._note(move.visit, move.state, now)
+        self._news("state", move.visit, now, state=move.state)
+        if move.state == "driving" and move.visit == self._asked.get(robot.name, ("",))[0]:
+            # Who was away could not answer, and is asked once more.
+            self._tell_asked(AskThere(move.visit, ANSWER_SECONDS), robot, now)
+
+    def _tell_asked(self, act: AskThere | FoundThere, robot: Robot, now: datetime.datetime) -> None:
+        match act:
+            case AskThere(visit, seconds):
+                self._asked[robot.name] = visit, now.timestamp()
+                self._note(visit, "asked_there", now)
+                self._news("idle", visit, now, remaining=seconds)
+            case FoundThere(visit):
+                del self._asked[robot.name]
+                self._note(visit, "found_there", now)
+                self._news("idle", visit, now)
+
+    def _tell_places(self, robot: Robot, now: datetime.datetime) -> None:
+        scene, rules = load_scene(robot, now), rules_of(robot)
+        for place, visit in enumerate(scene.queue, 1):
+            minutes = minutes_until_turn(scene, place, rules, now.timestamp())
+            told = (place, round(minutes), scene.waits_for)
+            if visit.offered_at is None and self._places.get(visit.id) != told:
+                self._places[visit.id] = told
+                self._news("queue", visit.id, now, place=place, minutes=minutes, text=scene.waits_for)
+        self._tell_unready(robot, scene, now)
+
+    def _tell_unready(self, robot: Robot, scene: Scene, now: datetime.datetime) -> None:
+        """Note for whom a free robot is not ready; have it go home if that helps, and after some seconds call those who look after it."""
+        if not scene.ready or scene.holder is not None:
+            return
+        for visit in scene.queue:
+            reason = visit.not_ready.removeprefix(f"{terms.START}: ")
+            before, since = self._unready.get(visit.id, ("", now.timestamp()))
+            if reason != before:
+                self._note(visit.id, "robot_not_ready" if reason else "robot_ready", now, **({"reason": reason} if reason else {}))
+                self._unready[visit.id] = reason, now.timestamp()
+                if reason == terms.NOT_DOCKED and store.send_home(robot, now):
+                    system_log.log("robot_sent_home", robot=robot, session=visit.id, at=now, reason=reason)
+            elif reason and now.timestamp() - since >= CALL_SECONDS:
+                self._call_staff(robot, visit.id, reason, now)
+
+    def _call_staff(self, robot: Robot, session: str, reason: str, now: datetime.datetime) -> None:
+        """Once for each visit and reason, whatever a session manager before this one has done."""
+        called = SessionEvent.objects.filter(session=session, source=SessionEvent.Source.SERVER, type="staff_called")
+        if reason in {data.get("reason") for data in called.values_list("data", flat=True)}:
+            return
+        self._note(session, "staff_called", now, reason=reason)
+        system_log.log("robot_not_ready", "warning", robot=robot, session=session, at=now, reason=reason)
+        send(signals.not_ready, robot=robot, session=Session.objects.get(pk=session), reason=reason, at=now)
+
+    def _news(self, kind: Any, session: str, now: datetime.datetime, **fields: Any) -> None:
+        news = ServerNews(type=kind, stamp=now.timestamp(), session=session, **fields)
+        self.outbox.append(Letter(topics.session_news(session), codec.encode(news)))
+
+    @staticmethod
+    def _note(session: str, kind: str, now: datetime.datetime, **data: Any) -> None:
+        SessionEvent.objects.create(
+            session_id=session, source=SessionEvent.Source.SERVER, type=kind, stamp=now.timestamp(), received_at=now.timestamp(), data=data
+        )
+
+    # --- leases ------------------------------------------------------------------------------------------------------
+
+    def renew(self, now: datetime.datetime) -> bool:
+        """Publish every lease that is new or due, and that nobody drives where somebody did; tell whether there was any.
+
+        A visit may end between the reading of its lease and the publishing, and the robot hear of its end first. So this is no part of a
+        look, which takes longer, and whoever has published a lease asks again at once.
+        """
+        before = len(self.outbox)
+        rows = Lease.objects.filter(session__state__in=LIVE).values_list("robot__name", "robot_id", "epoch", "session__state")
+        held = {name: (key, epoch, state) for name, key, epoch, state in rows}
+        for name in self._leases.keys() - held.keys():
+            del self._leases[name]
+            self._counted.pop(name, None)
+            self._publish_lease(name, b"")
+        due = {}
+        for name, (key, epoch, state) in held.items():
+            if state == Session.State.WAITING:
+                continue  # it is being granted: its terms are not fixed yet
+            known, renewed = self._leases.get(name, NEVER)
+            if known != epoch:
+                # Robots that were taken together, as by a class, are not renewed together from then on.
+                due[key] = random.random() * settings.LEASE_RENEWAL_SECONDS  # noqa: S311 -- spreads renewals
+            elif now.timestamp() - renewed >= settings.LEASE_RENEWAL_SECONDS:
+                due[key] = 0.0
+        if due:
+            living = Lease.objects.filter(robot__in=due, session__state__in=LIVE).exclude(session__state=Session.State.WAITING)
+            for lease in living.select_related("robot", "session__visitor"):
+                self._renew_one(lease, now, due[lease.robot_id])
+        return len(self.outbox) > before
+
+    def _renew_one(self, lease: Lease, now: datetime.datetime, early: float) -> None:
+        """Publish a lease; the next renewal comes so many seconds sooner."""
+        renewal = self._count_renewal(lease)
+        if renewal is None:
+            return
+        self._leases[lease.robot.name] = (lease.epoch, now.timestamp() - early)
+        hold = Hold(lease.epoch, str(lease.session_id), lease.peer)
+        session = lease.session
+        assert session is not None
+        fixed, who = terms.of(session), session.visitor.shown_name
+        message = lease_message(lease.robot, who, hold, renewal=renewal, stamp=now.timestamp(), assist=session.assist, fixed=fixed)
+        self._publish_lease(lease.robot.name, codec.encode(message))
+
+    def _count_renewal(self, lease: Lease) -> int | None:
+        """Return the number of the next copy, None when the lease has changed meanwhile.
+
+        A full disk takes no numbers, and nobody else can get the lease either: they are counted here until there is room.
+        """
+        epoch, counted = self._counted.get(lease.robot.name, (lease.epoch, 0))
+        renewal = max(lease.renewal, counted if epoch == lease.epoch else 0) + 1
+        try:
+            if not Lease.objects.filter(robot=lease.robot, epoch=lease.epoch).update(renewal=renewal):
+                return None
+        except DatabaseError as error:
+            if not is_disk_full(error):
+                raise
+        self._counted[lease.robot.name] = (lease.epoch, renewal)
+        return renewal
+
+    def _publish_lease(self, robot: str, payload: bytes) -> None:
+        # Before all news: whoever drives without a lease would go on for as long as those take.
+        self.outbox.appendleft(Letter(topics.of(robot, "lease"), payload, retain=True))
+
+    # --- ends --------------------------------------------------------------------------------------------------------
+
+    def _finish(self, now: datetime.datetime) -> list[CloseItem]:
+        """Tell of sessions that have ended, whoever ended them, and ask for their records to be closed."""
+        items, told, closing = [], self._told, self._closing
+        self._told, self._closing = set(), {}  # what is closed by now need not be remembered
+        for session in Session.objects.filter(state=Session.State.ENDED, closed_at=None).select_related("robot"):
+            key = str(session.pk)
+            if key not in told:
+                self._tell_end(session, now)
+            self._told.add(key)
+            self._closing[key] = closing.get(key, 0.0)
+            if now.timestamp() - self._closing[key] >= CLOSE_AGAIN_SECONDS:
+                self._closing[key] = now.timestamp()
+                items.append(CloseItem(session.robot.name, key, (session.ended_at or now).timestamp()))
+        return items
+
+    def _tell_end(self, session: Session, now: datetime.datetime) -> None:
+        self._places.pop(str(session.pk), None)
+        ended = SessionEvent.objects.filter(session=session, source=SessionEvent.Source.SERVER, type="ended")
+        if ended.exists():
+            return  # by a session manager before this one
+        self._news("ended", str(session.pk), now, outcome=session.outcome, text=session.outcome_reason)
+        send(signals.session_ended, session=session)
+        self._note(str(session.pk), "ended", now, outcome=session.outcome, reason=session.outcome_reason)
+        system_log.log("session_ended", robot=session.robot, session=session, at=now, outcome=session.outcome, reason=session.outcome_reason)
+
+
+def send(signal: Signal, **news: Any) -> None:
+    """Send a signal; what a receiver raises is logged and stops nobody."""
+    for receiver, answer in signal.send_robust(sender=Session, **news):
+        if isinstance(answer, Exception):
+            logger.error("signal_receiver_failed receiver=%s", receiver, exc_info=answer)

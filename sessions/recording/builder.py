@@ -1,0 +1,280 @@
+"""Messages into rows of the record. Belongs to the recorder's thread, and does everything there but wait.
+
+`take` first reads what it needs from the database and only then changes anything, so that after a DatabaseError the same item can
+be taken again.
+"""
+
+import datetime
+import logging
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+from django.db.models import Model
+
+from robots.api.errors import Rejection
+from robots.api.messages import Event
+from sessions import protocol
+from sessions.models import NetworkSample, SessionEvent, Snapshot, SystemLog
+from sessions.recording.chunks import Chunk, Chunks
+from sessions.recording.items import ActionItem, CloseItem, EventItem, Item, PageItem, PhotoItem, StateItem
+from sessions.recording.photos import Photo, Photos
+from sessions.recording.sequence_tracker import Ledger, Loss
+from sessions.recording.store import RecordStore, key_of, row_of
+
+logger = logging.getLogger(__name__)
+
+# Events of a robot that matter beyond the session in which they happen.
+LOGGED = {"estop": "warning", "estop_cleared": "info", "adapter_lost": "error", "adapter_back": "info", "localization_lost": "warning"}
+SETTLE_SECONDS = 2.0
+GIVE_UP_SECONDS = 60.0
+PRESENT_SECONDS = 5.0
+RUNS = 3  # ledgers kept of a robot
+
+
+@dataclass
+class _Robot:
+    """What was last heard of a robot: its newest run, when, and the session that it named."""
+
+    boot: str
+    heard_at: float
+    session: str | None = None
+    session_at: float = 0.0
+
+
+class Transcript:
+    """Takes items and keeps rows until they are stored.
+
+    Args:
+        store: the database.
+        ask: called with (robot, boot, first, last) for states that are to be sent again.
+    """
+
+    def __init__(self, store: RecordStore, ask: Callable[[str, str, int, int], None]) -> None:
+        self._store = store
+        self._ask = ask
+        self._chunks = Chunks()
+        self._photos = Photos()
+        self._ledgers: dict[str, dict[str, Ledger]] = {}
+        self._restored: set[tuple[str, str]] = set()
+        self._robots: dict[str, _Robot] = {}
+        self._touched: set[str] = set()
+        self._closing: dict[str, CloseItem] = {}
+        self.rows: list[Model] = []
+        self.counts: Counter[str] = Counter()
+        self.refused: Counter[str] = Counter()  # by robots, by reason
+
+    def take(self, item: Item) -> None:
+        """Take one item."""
+        match item:
+            case StateItem():
+                self._state(item)
+            case EventItem():
+                self._event(item)
+            case ActionItem():
+                self._action(item)
+            case PhotoItem():
+                self._photo(self._photos.jpeg(item.robot, item.action_id, item.jpeg, item.received_at), item.received_at)
+            case PageItem():
+                self._page(item)
+            case CloseItem():
+                self._closing[item.session] = item
+                self.rows += [row_of(chunk) for chunk in self._chunks.close(item.session)]
+
+    # --- states ------------------------------------------------------------------------------------------------------
+
+    def _state(self, item: StateItem) -> None:
+        state = item.state
+        session = self._own(item.robot, state.session, item.received_at)
+        ledger = self._ledger(item.robot, state.boot, session, item.received_at)
+        self._hear(item.robot, state.boot, item.received_at, session=session, fresh=ledger.reached is None or state.seq > ledger.reached)
+        if not ledger.arrive(state.seq, session, item.received_at):
+            self.counts["duplicates"] += 1
+        elif session is not None:
+            self.counts["states"] += 1
+            self.refused.update(state.refused)
+            body = _storable(item.payload)
+            closed = self._chunks.add(session, state.boot, state.seq, state.stamp, body, item.received_at, item.clock_offset)
+            self._keep(closed)
+
+    def _keep(self, chunk: Chunk | None) -> None:
+        if chunk is not None:
+            self._touched.add(chunk.session)
+            self.rows.append(row_of(chunk))
+
+    def _own(self, robot: str, session: str | None, now: float) -> str | None:
+        """Return the session that a robot's message names, if it is this robot's; a robot cannot write into another one's record."""
+        if session is None or self._store.robot_of(session, now) == robot:
+            return session
+        self.counts["foreign_session"] += 1
+        return None
+
+    def _ledger(self, robot: str, boot: str, session: str | None, now: float) -> Ledger:
+        stored = [] if session is None or (session, boot) in self._restored else self._store.stored(session, boot)
+        runs = self._ledgers.setdefault(robot, {})
+        ledger = runs.setdefault(boot, Ledger())
+        for oldest in list(runs)[: max(0, len(runs) - RUNS)]:
+            del runs[oldest]
+        if session is not None and (session, boot) not in self._restored:
+            self._restored.add((session, boot))
+            ledger.restore(session, stored, now)
+        return ledger
+
+    def _hear(self, robot: str, boot: str, now: float, *, session: str | None, fresh: bool) -> None:
+        known = self._robots.setdefault(robot, _Robot(boot, now))
+        known.heard_at = now
+        if fresh:
+            known.boot, known.session, known.session_at = boot, session, now
+
+    # --- events ------------------------------------------------------------------------------------------------------
+
+    def _event(self, item: EventItem) -> None:
+        event, now = item.event, item.received_at
+        session = self._own(item.robot, event.session, now)
+        robot_key = self._store.robot_key(item.robot) if event.type in LOGGED else None
+        if session is not None and event.type in {"lease_taken", "session_closed"}:
+            ledger = self._ledger(item.robot, event.boot, session, now)
+            if event.type == "lease_taken":
+                ledger.begins(event.seq, session, now)
+            elif event.last_seq is not None:
+                ledger.ends(event.last_seq, session, now)
+        if session is not None:
+            self._session_event(
+                session, SessionEvent.Source.ROBOT, event.type, event.stamp, now, _fields_of(event), item.robot, event.boot, event.seq
+            )
+        if robot_key is not None:
+            self._log(event.type, LOGGED[event.type], robot_key, session, now, detail=event.detail, boot=event.boot)
+        if event.type == "photo":
+            self._photo(self._photos.event(item.robot, event, now), now)
+
+    def _action(self, item: ActionItem) -> None:
+        session = self._own(item.robot, item.session, item.received_at)
+        if session is not None:
+            data = _without_nul({name: value for name, value in msgspec.to_builtins(item.status).items() if name != "stamp"})
+            self._session_event(session, SessionEvent.Source.ROBOT, "action", item.status.stamp, item.received_at, data, item.robot)
+
+    def _session_event(  # noqa: PLR0917 -- the columns
+        self, session: str, source: str, kind: str, stamp: float, now: float, data: dict[str, Any], *identity: object
+    ) -> None:
+        key = key_of(session, source, kind, stamp, data, *identity)
+        self.rows.append(SessionEvent(pk=key, session_id=session, source=source, type=kind, stamp=stamp, received_at=now, data=data))
+
+    def _log(self, event: str, level: str, robot: Any, session: str | None, now: float, **fields: Any) -> None:
+        logger.info("%s robot=%s session=%s %s", event, robot, session, fields)
+        at = datetime.datetime.fromtimestamp(now, datetime.UTC)
+        key = key_of(event, robot, session, fields, now)
+        self.rows.append(SystemLog(pk=key, at=at, level=level, event=event, robot_id=robot, session_id=session, fields=fields))
+
+    def _photo(self, photo: Photo | None, now: float) -> None:
+        if photo is None:
+            return
+        event = photo.event
+        session = self._own(photo.robot, event.session, now)
+        if session is None:
+            return
+        if not photo.intact:
+            self._log("photo_damaged", "error", self._store.robot_key(photo.robot), session, now, action=event.action_id)
+            return
+        key = key_of(session, event.action_id, photo.sha256)
+        self.rows.append(
+            Snapshot(pk=key, session_id=session, action_id=event.action_id or "", stamp=event.stamp, sha256=photo.sha256, jpeg=photo.jpeg)
+        )
+
+    def _page(self, item: PageItem) -> None:
+        report, now = item.report, item.received_at
+        if self._store.robot_of(report.session, now) is None:
+            self.counts["unknown_session"] += 1
+            return
+        try:
+            message = protocol.decode(report.suffix, bytes(report.message).decode())
+        except (Rejection, UnicodeDecodeError):
+            self.counts["malformed_report"] += 1
+            return
+        if isinstance(message, protocol.PageEvent):
+            data = _without_nul(dict(message.data))
+            self._session_event(report.session, SessionEvent.Source.PAGE, message.type[:40], message.stamp, now, data)
+            return
+        data = _without_nul(msgspec.to_builtins(message))
+        del data["stamp"]
+        key = key_of(report.session, message.stamp, data)
+        self.rows.append(NetworkSample(pk=key, session_id=report.session, stamp=message.stamp, received_at=now, data=data))
+
+    # --- what time does ----------------------------------------------------------------------------------------------
+
+    def settle(self, now: float) -> None:
+        """Close the chunks that are due, ask for what is owed, write down what is lost."""
+        for chunk in self._chunks.ripe(now):
+            self._keep(chunk)
+        for robot, runs in self._ledgers.items():
+            known = self._robots.get(robot)
+            if known is None:
+                continue
+            for boot, ledger in runs.items():
+                present = now - known.heard_at < PRESENT_SECONDS
+                asks, losses = ledger.due(now, present=present, alive=known.boot == boot)
+                for first, last in asks:
+                    self.counts["asked"] += last - first + 1
+                    self._ask(robot, boot, first, last)
+                for loss in losses:
+                    self._lose(boot, loss, now)
+        for robot, action in self._photos.forgotten(now):
+            self._log("photo_incomplete", "warning", self._store.robot_key(robot), None, now, action=action)
+
+    def _lose(self, boot: str, loss: Loss, now: float) -> None:
+        data = {"boot": boot, "ranges": [list(pair) for pair in loss.ranges], "count": loss.count}
+        for session in sorted(loss.sessions):
+            logger.warning("states_missing session=%s boot=%s count=%d", session, boot, loss.count)
+            self._touched.add(session)
+            self._session_event(session, SessionEvent.Source.SERVER, "states_missing", now, now, data)
+
+    def close_all(self) -> None:
+        """Make rows of everything, for the end of the process."""
+        for chunk in self._chunks.close():
+            self._keep(chunk)
+
+    def write(self, *, careful: bool = False) -> None:
+        """Store the rows that have gathered; they are kept when it fails. For `careful` see RecordStore.insert."""
+        if self.rows:
+            self._store.insert(self.rows, careful=careful)
+            self.rows = []
+        if self._touched:
+            self._store.reopen(self._touched)
+            self._touched = set()
+
+    def close_sessions(self, now: float) -> None:
+        """Close the records of ended sessions to which nothing more will come."""
+        for item in [item for item in self._closing.values() if self._is_settled(item, now)]:
+            self._store.close(item.session, datetime.datetime.fromtimestamp(now, datetime.UTC))
+            del self._closing[item.session]
+
+    def _is_settled(self, item: CloseItem, now: float) -> bool:
+        if now - item.ended_at > GIVE_UP_SECONDS:
+            return True
+        known = self._robots.get(item.robot)
+        later = known is not None and known.session != item.session and known.session_at > item.ended_at
+        owed = any(ledger.owes(item.session) for ledger in self._ledgers.get(item.robot, {}).values())
+        return later and not owed and now - item.ended_at > SETTLE_SECONDS
+
+
+def _fields_of(event: Event) -> dict[str, Any]:
+    fields: dict[str, Any] = msgspec.to_builtins(event)
+    return _without_nul({name: value for name, value in fields.items() if name not in {"session", "type", "stamp"}})
+
+
+def _storable(payload: bytes) -> msgspec.Raw:
+    """Return JSON that every database takes."""
+    return msgspec.Raw(msgspec.json.encode(_without_nul(msgspec.json.decode(payload))) if b"\\u0000" in payload else payload)
+
+
+def _without_nul(value: Any) -> Any:
+    """Return JSON without NUL characters, which PostgreSQL cannot hold."""
+    match value:
+        case str():
+            return value.replace("\0", "")
+        case dict():
+            return {_without_nul(name): _without_nul(item) for name, item in value.items()}
+        case list():
+            return [_without_nul(item) for item in value]
+    return value

@@ -1,0 +1,67 @@
+"""What the session manager hands to the recorder: messages with the time of their receipt (Unix seconds)."""
+
+from dataclasses import dataclass
+
+from robots.api.messages import ActionStatus, Event, State
+from sessions.protocol import PageReport
+
+
+@dataclass(frozen=True, slots=True)
+class StateItem:
+    """A state: decoded, and as it came; `clock_offset` is the robot's clock minus ours at that moment. A `late` one is not the newest."""
+
+    robot: str
+    state: State
+    payload: bytes
+    received_at: float
+    clock_offset: float | None
+    late: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class EventItem:
+    """An event of a robot."""
+
+    robot: str
+    event: Event
+    received_at: float
+
+
+@dataclass(frozen=True, slots=True)
+class ActionItem:
+    """How an action ended; `session` is the one that the robot was in."""
+
+    robot: str
+    session: str
+    status: ActionStatus
+    received_at: float
+
+
+@dataclass(frozen=True, slots=True)
+class PhotoItem:
+    """A JPEG; the event that says what it should be comes by itself."""
+
+    robot: str
+    action_id: str
+    jpeg: bytes
+    received_at: float
+
+
+@dataclass(frozen=True, slots=True)
+class PageItem:
+    """Something a page said for the record."""
+
+    report: PageReport
+    received_at: float
+
+
+@dataclass(frozen=True, slots=True)
+class CloseItem:
+    """The session ended at `ended_at`: close its record when nothing is owed any more. Said again until `closed_at` is set."""
+
+    robot: str
+    session: str
+    ended_at: float
+
+
+Item = StateItem | EventItem | ActionItem | PhotoItem | PageItem | CloseItem

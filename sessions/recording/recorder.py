@@ -1,0 +1,162 @@
+"""The recorder: a thread that writes the record, and the bounded buffer in front of it.
+
+The session manager's loop never waits for the database: it puts items into the buffer and goes on. While the database is away, or its
+disk full, the thread tries again and again with the same rows, and the buffer grows to its bound; what comes after that is counted,
+logged and not recorded. Of that, states are missed by their numbers and asked for again once there is room.
+"""
+
+import logging
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable
+
+from django.db import DatabaseError, InterfaceError, close_old_connections, connection
+
+from sessions.manager.health import is_disk_full
+from sessions.manager.leadership import STALE_SECONDS
+from sessions.recording.builder import Transcript
+from sessions.recording.items import Item
+from sessions.recording.store import RecordStore
+
+logger = logging.getLogger(__name__)
+
+LIMIT = 100_000
+BATCH = 2000
+LINGER = 0.25  # s between two writes when little comes
+FIRST_RETRY, LAST_RETRY = 0.1, 5.0
+REPORT_SECONDS = 10.0
+
+
+class Buffer:
+    """A bounded queue between a loop that must not wait and a thread that may."""
+
+    def __init__(self, limit: int) -> None:
+        self._limit = limit
+        self._items: deque[Item] = deque()
+        self._filled = threading.Condition()
+
+    def put(self, item: Item) -> bool:
+        """Add an item; False when there is no room."""
+        if len(self._items) >= self._limit:
+            return False
+        self._items.append(item)  # a deque needs no lock for this
+        if len(self._items) == BATCH:
+            self.wake()
+        return True
+
+    def wake(self) -> None:
+        """Have the waiting thread look at once."""
+        with self._filled:
+            self._filled.notify()
+
+    def take(self, most: int, seconds: float) -> list[Item]:
+        """Return up to `most` items; waits for at most `seconds` until a whole batch is there."""
+        with self._filled:
+            if len(self._items) < BATCH:
+                self._filled.wait(seconds)
+            return [self._items.popleft() for _ in range(min(most, len(self._items)))]
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+
+class Recorder:
+    """Records what is put into it.
+
+    Args:
+        ask: called in the recorder's thread with (robot, boot, first, last) for states that are to be sent again.
+        limit: of items that wait.
+        clock: Unix seconds.
+    """
+
+    def __init__(self, ask: Callable[[str, str, int, int], None], *, limit: int = LIMIT, clock: Callable[[], float] = time.time) -> None:
+        self._buffer = Buffer(limit)
+        self._clock = clock
+        self._store = RecordStore()
+        self._transcript = Transcript(self._store, ask)
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._dropped = 0
+        self._reported_at = 0.0
+        self._failures = 0
+        self._written_at = time.monotonic()
+
+    @property
+    def counts(self) -> Counter[str]:
+        """What was done so far: rows by kind, states, duplicates, foreign sessions, refused rows, dropped items."""
+        return self._store.counts + self._transcript.counts + Counter(dropped=self._dropped)
+
+    @property
+    def refused(self) -> Counter[str]:
+        """How many commands the robots said to have refused, by reason."""
+        return self._transcript.refused
+
+    @property
+    def waiting(self) -> int:
+        """How many items are still to be written."""
+        return len(self._buffer)
+
+    @property
+    def is_alive(self) -> bool:
+        """Tell whether the thread lives: an error that is not the database's ends it."""
+        return self._thread.is_alive()
+
+    def start(self) -> None:
+        """Begin to write."""
+        self._thread.start()
+
+    def put(self, item: Item) -> bool:
+        """Record an item; False when the buffer is full and the item was dropped."""
+        if self._buffer.put(item):
+            return True
+        self._dropped += 1
+        now = self._clock()
+        if now - self._reported_at > REPORT_SECONDS:
+            self._reported_at = now
+            logger.error("record_buffer_full dropped=%d", self._dropped)
+        return False
+
+    def stop(self, seconds: float) -> bool:
+        """Write everything that is there and end; False when that takes longer than `seconds`."""
+        self._stopping.set()
+        self._buffer.wake()
+        self._thread.join(seconds)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        try:
+            while True:
+                last = self._stopping.is_set()  # asked before taking: what is put before `stop` is always taken
+                for item in self._buffer.take(BATCH, 0.0 if last else LINGER):
+                    self._insist(lambda item=item: self._transcript.take(item))
+                self._insist(lambda: self._transcript.settle(self._clock()))
+                if last and not len(self._buffer):
+                    self._transcript.close_all()
+                self._insist(self._write)
+                self._insist(lambda: self._transcript.close_sessions(self._clock()))
+                if last and not len(self._buffer):
+                    return
+        finally:
+            connection.close()
+
+    def _write(self) -> None:
+        """Write; carefully after so long a pause that another session manager may have taken over."""
+        self._transcript.write(careful=time.monotonic() - self._written_at > STALE_SECONDS / 2)
+        self._written_at = time.monotonic()
+
+    def _insist(self, step: Callable[[], None]) -> None:
+        """Do a step, again and again until the database lets it be done."""
+        pause = FIRST_RETRY
+        while True:
+            try:
+                step()
+            except (DatabaseError, InterfaceError) as error:
+                self._failures += 1
+                logger.error("record_not_written failures=%d waiting=%d reason=%s", self._failures, len(self._buffer), error)  # noqa: TRY400 -- the reason says it
+                time.sleep(pause)
+                pause = min(LAST_RETRY, pause * 2)
+                if not is_disk_full(error):  # without room SQLite could not open another one
+                    close_old_connections()
+            else:
+                return

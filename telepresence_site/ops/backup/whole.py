@@ -1,0 +1,102 @@
+"""Backup and restore of a site: its database, and the files in VAR_DIR that are not made again by themselves."""
+
+import shutil
+import tempfile
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from django.conf import settings
+from django.db import connection
+from django.db.migrations.loader import MigrationLoader
+from django.utils.crypto import salted_hmac
+
+from telepresence_site.ops.backup import archive, databases
+from telepresence_site.ops.backup.archive import BackupError
+
+# Not the broker's store (robots and servers publish again what it must hold), logs, collected files, sandboxes, mail.
+FOLDERS = ("secrets", "credentials", "media", "sites")
+# Every command makes one where there is none, so that it is there before anything can be restored.
+REPLACED = Path("secrets/secret_key")
+
+
+def back_up(target: Path, now: datetime) -> dict[str, Any]:
+    """Write everything into one new file, while the site runs, and return what the manifest says.
+
+    Raises:
+        BackupError: it could not be done; nothing is left behind.
+    """
+    name = databases.member()
+    with tempfile.TemporaryDirectory(dir=settings.VAR_DIR, prefix="backup-") as directory:
+        dump = Path(directory) / name
+        databases.dump(dump)
+        facts = {"made_at": now.isoformat(), "engine": connection.vendor, "migrations": _applied(), "key": _key()}
+        return archive.write(target, [(name, dump), *_files()], facts)
+
+
+def restore(source: Path, *, check_only: bool = False) -> tuple[dict[str, Any], list[str]]:
+    """Fill an empty site from a backup; return the manifest and what the operator should know, in sentences.
+
+    With `check_only` nothing is changed: the backup is read to its end and every checksum compared.
+
+    Raises:
+        BackupError: the backup is damaged or not for this site, or the site is not empty; nothing was changed.
+    """
+    if not check_only:
+        _must_be_empty()
+    with tempfile.TemporaryDirectory(dir=settings.VAR_DIR, prefix="restore-") as directory:
+        staged = Path(directory)
+        manifest = archive.unpack(source, staged)
+        words = _fits(manifest)
+        if not check_only:
+            databases.load(staged / databases.member())
+            for name in manifest["files"]:
+                if name.partition("/")[0] in FOLDERS:
+                    _put(staged / name, settings.VAR_DIR / name)
+    return manifest, words
+
+
+def _files() -> Iterator[tuple[str, Path]]:
+    for folder in FOLDERS:
+        for path in sorted((settings.VAR_DIR / folder).rglob("*")):
+            if path.is_file() and not path.is_symlink():
+                yield path.relative_to(settings.VAR_DIR).as_posix(), path
+
+
+def _must_be_empty() -> None:
+    if not databases.is_empty():
+        raise BackupError("The database is not empty; a restore never overwrites anything. Name an empty one in DATABASE_URL, or another VAR_DIR.")
+    there = [name for name, _ in _files() if Path(name) != REPLACED]
+    if there:
+        raise BackupError(f"{settings.VAR_DIR} is not empty ({there[0]}); a restore never overwrites anything.")
+
+
+def _fits(manifest: dict[str, Any]) -> list[str]:
+    if manifest["engine"] != connection.vendor:
+        raise BackupError(f"The backup is of a {manifest['engine']} database, and DATABASE_URL names a {connection.vendor} one.")
+    known = {f"{app}.{name}" for app, name in MigrationLoader(None, ignore_no_migrations=True).disk_migrations}
+    newer = sorted(set(manifest["migrations"]) - known)
+    if newer:
+        raise BackupError(f"The backup is of newer code ({newer[0]} and {len(newer) - 1} more migrations are unknown here): update the code first.")
+    words = []
+    if known - set(manifest["migrations"]):
+        words.append("The backup is of older code: run manage.py migrate.")
+    if "secrets/secret_key" not in manifest["files"] and manifest["key"] != _key():
+        words.append("SECRET_KEY is not that of the backup: everybody has to sign in again, and links that were sent are void.")
+    return words
+
+
+def _applied() -> list[str]:
+    return sorted(f"{app}.{name}" for app, name in MigrationLoader(connection).applied_migrations)
+
+
+def _key() -> str:
+    """Return what tells two secret keys apart and gives neither away."""
+    return salted_hmac("telepresence_site.ops.backup", "which key", algorithm="sha256").hexdigest()[:16]
+
+
+def _put(staged: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    staged.chmod(0o600)
+    shutil.move(staged, target)

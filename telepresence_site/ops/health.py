@@ -1,0 +1,92 @@
+"""Whether this web process can do its work now, and with it the parts that it cannot do without.
+
+`/healthz` says that the process reaches database and broker (a supervisor restarts what does not). `/readyz` says whether visitors should
+be sent here, and looks at everything: 200, or 503 with a word for every part; of the disk also while there is still room. Neither says
+anything that is not everybody's business.
+"""
+
+import asyncio
+import datetime
+import logging
+from typing import Any
+
+from channels.db import database_sync_to_async
+from channels.layers import get_channel_layer
+from django.conf import settings
+from django.db import DatabaseError
+from django.http import HttpRequest, JsonResponse
+from django.utils import timezone
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_safe
+
+from robots.api.disk_space import DiskSpace
+from robots.bridge import bridge
+from sessions.manager.leadership import NAME, STALE_SECONDS
+from sessions.models import ManagerBeat
+from sessions.recording.recorder import LIMIT
+
+log = logging.getLogger(__name__)
+PATIENCE_SECONDS = 1.0
+WELL, LOW = "ok", "low"  # a disk that is nearly full is told in time, and turns nobody away
+BEHIND = LIMIT // 4  # items that wait for the database; a busy site has a few hundred
+
+
+@never_cache
+@require_safe
+async def readyz(_request: HttpRequest) -> JsonResponse:
+    """Answer with a word for every part."""
+    database, manager = await database_sync_to_async(_of_the_database)(timezone.now())
+    broker = await bridge.current().wait_connected(PATIENCE_SECONDS)
+    parts = {
+        "database": database,
+        "broker": WELL if broker else "away",
+        "channel_layer": await _channel_layer(),
+        "session_manager": manager,
+        "disk": DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB).state(),
+    }
+    ready = all(word == WELL for word in parts.values() if word != LOW)
+    if any(word != WELL for word in parts.values()):
+        log.warning("not_ready parts=%s", {part: word for part, word in parts.items() if word != WELL})
+    return JsonResponse({"ready": ready, **parts}, status=200 if ready else 503)
+
+
+def _of_the_database(now: datetime.datetime) -> tuple[str, str]:
+    try:
+        row = ManagerBeat.objects.filter(name=NAME).first()
+    except DatabaseError as error:
+        log.warning("database_away reason=%s", error)
+        return "away", "unknown"
+    return WELL, manager_state(row, now)
+
+
+def manager_state(row: ManagerBeat | None, now: datetime.datetime) -> str:
+    """Return `ok`, or what is wrong with the session manager: `none`, `silent`, `without_broker` or `behind`."""
+    if row is None or not row.holder:
+        return "none"
+    if (now - row.beat_at).total_seconds() > STALE_SECONDS:
+        return "silent"
+    if not row.report.get("connected"):
+        return "without_broker"
+    return "behind" if row.report.get("waiting", 0) > BEHIND else WELL
+
+
+async def _channel_layer() -> str:
+    """Send a message through the layer and wait for it."""
+    layer: Any = get_channel_layer()
+    try:
+        async with asyncio.timeout(PATIENCE_SECONDS):
+            channel = await layer.new_channel()
+            await layer.send(channel, {"type": "ready"})
+            await layer.receive(channel)
+    except (TimeoutError, OSError, *_errors_of_redis()) as error:
+        log.warning("channel_layer_away reason=%s", type(error).__name__)
+        return "away"
+    return WELL
+
+
+def _errors_of_redis() -> tuple[type[Exception], ...]:
+    try:
+        from redis.exceptions import RedisError  # noqa: PLC0415 -- an extra
+    except ImportError:
+        return ()
+    return (RedisError,)

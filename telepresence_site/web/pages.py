@@ -1,0 +1,140 @@
+"""Pages of the whole site: the robots and who drives them, what is recorded, and the manifest for home screens."""
+
+import datetime
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from django.http import HttpRequest, HttpResponse, JsonResponse
+from django.shortcuts import render
+from django.templatetags.static import static
+from django.urls import reverse
+from django.utils import timezone
+from django.utils.http import urlencode
+from django.utils.translation import get_language
+from django.utils.translation import gettext as _
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_safe
+
+from accounts.attempts import Attempts
+from accounts.rate_limits import limited
+from experiments.participation.landing import invitations
+from robots.access import may_drive, robots_visible_to
+from robots.cards import STATES, Card, Traffic, card
+from robots.models import Robot
+from sessions.leases.policy import Hold, Scene, Visit, minutes_until_turn, place_in_queue
+from sessions.leases.store import rules_of, visit_of
+from sessions.models import Session
+
+LISTS = Attempts("robots-json", limit=1200)  # a page asks every few seconds, and a class of visitors has one address
+AT_THE_WHEEL = (Session.State.CONNECTING, Session.State.DRIVING, Session.State.RECONNECTING)
+
+
+@dataclass(frozen=True)
+class Invitation:
+    """The one big button of the landing page."""
+
+    label: str
+    url: str
+
+
+@require_safe
+@never_cache
+def home(request: HttpRequest) -> HttpResponse:
+    """Show what this is, and every robot with its state."""
+    cards = cards_for(request.user, timezone.now())
+    context = {"cards": cards, "invitation": _invitation(request.user, cards), "studies": invitations(get_language() or "", timezone.now())}
+    return render(request, "site/home.html", context)
+
+
+@require_safe
+@never_cache
+@limited(LISTS, reading=True, json=True)
+def robots_json(request: HttpRequest) -> JsonResponse:
+    """Return the cards of the landing page again, for the page that keeps them fresh."""
+    return JsonResponse({"robots": [asdict(c) for c in cards_for(request.user, timezone.now())]})
+
+
+@require_safe
+def about(request: HttpRequest) -> HttpResponse:
+    """Say what is recorded of a visitor."""
+    return render(request, "site/about.html")
+
+
+@require_safe
+def manifest(_request: HttpRequest) -> JsonResponse:
+    """Return the web app manifest; a view, because the icons' addresses hold their hashes."""
+    icons = [
+        {"src": static(f"img/icons/{name}.png"), "sizes": size, "type": "image/png", "purpose": purpose}
+        for name, size, purpose in (
+            ("icon-192", "192x192", "any"),
+            ("icon-512", "512x512", "any"),
+            ("maskable-512", "512x512", "maskable"),
+        )
+    ]
+    home = reverse("home")
+    words = {"name": _("Telepresence"), "short_name": _("Telepresence"), "description": _("Drive a real robot somewhere else.")}
+    looks = {"display": "standalone", "orientation": "any", "background_color": "#fbf7f0", "theme_color": "#0b6662", "icons": icons}
+    place = {"id": home, "start_url": home, "scope": home, "lang": get_language(), "dir": "ltr", "categories": ["utilities", "social"]}
+    more = {"shortcuts": _shortcuts(home), "screenshots": _screenshots()}
+    return JsonResponse(words | looks | place | more, content_type="application/manifest+json")
+
+
+def _shortcuts(home: str) -> list[dict[str, Any]]:
+    icon = {"src": static("img/icons/icon-192.png"), "sizes": "192x192", "type": "image/png"}
+    named = ((_("Robots"), f"{home}#robots"), (_("What is recorded"), reverse("about")))
+    return [{"name": name, "url": url, "icons": [icon]} for name, url in named]
+
+
+def _screenshots() -> list[dict[str, str]]:
+    """Return the pictures that browsers show to whoever installs the page; tests/support/screenshots.py takes them."""
+    seen = (("wide", "1280x800", _("Driving, on a large screen")), ("narrow", "390x844", _("Driving, on a phone")))
+    return [
+        {"src": static(f"img/screens/drive-{form}.webp"), "sizes": size, "type": "image/webp", "form_factor": form, "label": label}
+        for form, size, label in seen
+    ]
+
+
+def cards_for(user: Any, now: datetime.datetime) -> list[Card]:
+    """Return a card for every robot that `user`, signed in or not, may know of; those that can be driven now come first."""
+    visits = _living_visits()
+    robots = robots_visible_to(user).filter(practice=False).select_related("floor_plan")
+    cards = [_for_visitor(_card(robot, traffic_at(robot, visits.get(robot.pk, []), now), user, now), user) for robot in robots]
+    return sorted(cards, key=lambda c: STATES.index(c.state))
+
+
+def _card(robot: Robot, traffic: Traffic, user: Any, now: datetime.datetime) -> Card:
+    return card(robot, traffic, barred=_barred(user, robot), url=reverse("drive", args=[robot.name]), now=now)
+
+
+def _living_visits() -> dict[Any, list[Visit]]:
+    found: dict[Any, list[Visit]] = {}
+    for session in Session.objects.exclude(state=Session.State.ENDED):
+        found.setdefault(session.robot_id, []).append(visit_of(session))
+    return found
+
+
+def traffic_at(robot: Robot, visits: list[Visit], now: datetime.datetime) -> Traffic:
+    """Return who is at a robot, given its living visits, and how long somebody who came now would wait."""
+    holder = next((visit.id for visit in visits if visit.state in AT_THE_WHEEL), None)
+    scene = Scene(Hold(0, holder), tuple(visits))
+    place = place_in_queue(scene, None)
+    minutes = minutes_until_turn(scene, place, rules_of(robot), now.timestamp()) if visits else None
+    return Traffic(driven=holder is not None, waiting=place - 1, minutes=minutes)
+
+
+def _barred(user: Any, robot: Any) -> str:
+    return "" if not user.is_authenticated else may_drive(user, robot).reason
+
+
+def _for_visitor(built: Card, user: Any) -> Card:
+    """Lead a stranger through the sign-up to the robot, and everybody else straight to its wheel."""
+    if not user.is_authenticated:
+        return replace(built, url=f"{reverse('account_signup')}?{urlencode({'next': built.url})}")
+    return replace(built, url=f"{built.url}?go=1") if built.drives else built
+
+
+def _invitation(user: Any, cards: list[Card]) -> Invitation:
+    free = next((c for c in cards if c.state == "available"), None)
+    if free is not None:
+        return Invitation(label=free.action if user.is_authenticated else _("Sign up and drive"), url=free.url)
+    return Invitation(label=_("See the robots"), url="#robots")

@@ -1,0 +1,285 @@
+"""The study builder: a study made page by page, without JSON and without JavaScript."""
+
+import pytest
+from django.urls import reverse
+
+from experiments.builder.pages import Place, place_of
+from experiments.definition import publishing
+from experiments.definition.shipped import shipped
+from experiments.models import Kind, Study
+from tests.integration.experiments.definition.test_publishing import NOW
+from tests.support.html_page import read
+from tests.support.participants import comer
+from tests.support.people import person
+from tests.support.studies import STUDY, small_study
+from tests.support.study_pages import form_of
+from tests.support.study_site import cabin_with_giraff
+
+pytestmark = pytest.mark.django_db
+SECTIONS = ("about", "steps", "conditions", "courses", "rules")
+
+
+@pytest.fixture
+def boss(client):
+    user = person("boss", is_staff=True, is_superuser=True)
+    client.force_login(user)
+    return user
+
+
+@pytest.fixture
+def study(boss):
+    cabin_with_giraff()
+    return publishing.store(small_study(), NOW)
+
+
+def section(row: Study, name: str, index: int | None = None) -> str:
+    if index is None:
+        return reverse("admin:experiments_study_section", args=[row.pk, name])
+    return reverse("admin:experiments_study_part", args=[row.pk, name, index])
+
+
+def send(client, address: str, do: str = "save", **changes):
+    """Fill in the form of a page and press one of its buttons."""
+    data = form_of(client.get(address))
+    data["do"] = do
+    for name, value in changes.items():
+        if isinstance(value, list):
+            data.setlist(name.replace("__", "."), value)
+        else:
+            data[name.replace("__", ".")] = value
+    return client.post(address, dict(data.lists()))
+
+
+def stored():
+    return Study.objects.get().as_definition()
+
+
+# --- building --------------------------------------------------------------------------------------------------------
+
+
+def test_a_whole_study_is_built_without_json_until_nothing_stands_in_the_way(client, boss):
+    cabin_with_giraff()
+    row = publishing.begin_empty("mine", "My study", ["en"], NOW)
+    texts = {"consent": {"text__en": "You will drive."}, "debrief": {"text__en": "Thanks."}}
+    for n, step in enumerate(row.as_definition().steps):
+        send(client, section(row, "steps", n), **texts.get(type(step).__name__.lower(), {}))
+    send(client, section(row, "steps", 2), "add:leaves")
+    send(client, section(row, "steps", 2), leaves__0__text__en="Drive with the arrow keys.")
+    for n, closed in enumerate(([], ["door"])):
+        answer = client.post(section(row, "conditions"), {"do": "add:", "sha256": Study.objects.get().sha256})
+        assert answer.headers["Location"] == section(row, "conditions", n)
+        send(client, section(row, "conditions", n), title__en=f"Number {n}", doors_closed=closed)
+    client.post(section(row, "courses"), {"do": "add:", "sha256": Study.objects.get().sha256})
+    assert [(one.number, one.x, one.y) for one in stored().courses[0].checkpoints] == [(0, 0.5, 2.0)]
+    send(client, section(row, "courses", 0), "add:checkpoints", at="3 1")
+    send(client, section(row, "courses", 0), "add:checkpoints", at="7 2")
+    assert publishing.problems_of(Study.objects.get()) == []
+    condition = stored().conditions[1]
+    assert (condition.key, condition.robot, condition.site, condition.doors_closed) == ("condition_2", "giraff", "cabin", ("door",))
+
+
+@pytest.mark.parametrize("slug", ["exploration", "assistance"])
+def test_saving_every_page_as_it_is_changes_nothing(client, boss, slug):
+    row = publishing.store(shipped()[slug], NOW)
+    definition = row.as_definition()
+    addresses = [section(row, "about"), section(row, "rules")]
+    addresses += [section(row, name, n) for name in ("steps", "conditions", "courses") for n in range(len(getattr(definition, name)))]
+    for address in addresses:
+        assert send(client, address).status_code == 302, address
+        assert (address, Study.objects.get().sha256) == (address, row.sha256)
+    assert stored() == definition
+
+
+def test_what_cannot_be_kept_is_told_beside_its_field_and_nothing_is_lost(client, study):
+    answer = send(client, section(study, "steps", 0), minutes="soon", title__en="Drive round")
+    assert answer.status_code == 422
+    page = read(answer)
+    values = {e.attributes.get("name"): e.attributes.get("value") for e in page.all("input")}
+    assert (values["minutes"], values["title.en"]) == ("soon", "Drive round")
+    assert [e.text for e in page.all("li") if "not a number" in e.text] == ["This is not a number."]
+    assert stored() == small_study()
+
+
+def test_a_half_done_part_is_saved_and_what_is_missing_stands_above_the_form(client, study):
+    assert send(client, section(study, "conditions", 0), title__en="", controllers=[]).status_code == 302
+    told = [e.text for e in read(client.get(section(study, "conditions", 0))).all("li")]
+    assert "Condition all_open: there is no controller and no way to send the robot: nobody could drive." in told
+    assert "all_open.title has no text in en." in told
+
+
+def test_parts_are_added_copied_moved_and_removed(client, study):
+    def press(do: str):
+        return client.post(section(study, "conditions"), {"do": do, "sha256": Study.objects.get().sha256})
+
+    press("copy:0")
+    assert [one.key for one in stored().conditions] == ["all_open", "all_open_2", "shut"]
+    press("down:0")
+    assert [one.key for one in stored().conditions] == ["all_open_2", "all_open", "shut"]
+    press("remove:0")
+    press("up:1")
+    assert [one.key for one in stored().conditions] == ["shut", "all_open"]
+    for nonsense in ("remove:7", "remove:x", "burn:0", "", "up:0", "remove:-1", "remove:99999999999999999999"):
+        press(nonsense)
+    assert [one.key for one in stored().conditions] == ["shut", "all_open"]
+
+
+@pytest.mark.parametrize("kind", ["consent", "form", "instructions", "practice", "task", "questionnaire", "debrief"])
+def test_a_step_of_every_kind_is_added_and_shown(client, study, kind):
+    answer = client.post(section(study, "steps"), {"do": f"add:{kind}", "sha256": study.sha256}, follow=True)
+    assert answer.status_code == 200
+    added = stored().steps[-1]
+    assert added.__struct_config__.tag == kind
+    assert added.key not in {"task", "experience"}
+
+
+def test_leaves_are_moved_with_what_was_typed_in_them(client, study):
+    client.post(section(study, "steps"), {"do": "add:instructions", "sha256": study.sha256})
+    address = section(study, "steps", 2)
+    send(client, address, "add:leaves")
+    send(client, address, "add:leaves", leaves__0__text__en="first")
+    send(client, address, "up:leaves:1", leaves__1__text__en="second")
+    assert [leaf.text["en"] for leaf in stored().steps[2].leaves] == ["second", "first"]
+    send(client, address, "remove:leaves:0")
+    assert [leaf.text["en"] for leaf in stored().steps[2].leaves] == ["first"]
+
+
+def test_leaving_a_language_takes_its_texts_and_adding_one_asks_for_them(client, boss):
+    row = publishing.store(shipped()["assistance"], NOW)
+    send(client, section(row, "about"), languages="en")
+    assert list(publishing.problems(stored())) == []
+    send(client, section(row, "about"), languages="en, fr")
+    assert "fr" in [e.attributes.get("lang") for e in read(client.get(section(row, "steps", 0))).all("textarea")]
+    assert any("has no text in fr" in text for text in publishing.problems(stored()))
+
+
+def test_of_two_who_change_a_study_at_once_the_second_sees_both(client, study):
+    mine = form_of(client.get(section(study, "about")))
+    send(client, section(study, "steps", 0), minutes="7")
+    mine["title.en"] = "Hut"
+    answer = client.post(section(study, "about"), dict(mine.lists()))
+    assert answer.status_code == 422
+    assert "Somebody changed this study meanwhile" in read(answer).text
+    again = form_of(answer)
+    assert again["title.en"] == "Hut"
+    assert client.post(section(study, "about"), dict(again.lists())).status_code == 302
+    assert (stored().title, stored().task.minutes) == ({"en": "Hut"}, 7.0)
+
+
+def test_a_list_that_was_changed_meanwhile_is_not_changed_blindly(client, study):
+    answer = client.post(section(study, "steps"), {"do": "remove:0", "sha256": "of before"}, follow=True)
+    assert "Somebody changed this study meanwhile" in read(answer).text
+    assert stored() == small_study()
+
+
+def test_pages_of_nothing_are_not_there(client, study):
+    for address in (section(study, "nonsense"), section(study, "steps", 9), section(study, "about", 0), section(study, "nonsense", 0)):
+        assert (client.get(address).status_code, client.post(address, {"do": "save"}).status_code) == (404, 404)
+    assert client.post(section(study, "steps"), {"do": "add:nonsense", "sha256": study.sha256}).status_code == 404
+
+
+@pytest.mark.parametrize("forged", [{"slug": "other"}, {"version": "7"}, {"format": "2"}, {"steps": "[]"}])
+def test_name_version_and_other_parts_cannot_be_slipped_in(client, study, forged):
+    send(client, section(study, "about"), **forged)
+    assert (stored(), Study.objects.get().slug) == (small_study(), "cabin-study")
+
+
+# --- courses ---------------------------------------------------------------------------------------------------------
+
+
+def check(client, row: Study, **changes):
+    data = form_of(client.get(section(row, "courses", 0)))
+    for name, value in changes.items():
+        data[name.replace("__", ".")] = value
+    return client.post(reverse("admin:experiments_study_check", args=[row.pk, "courses", 0]), dict(data.lists()))
+
+
+def test_the_course_page_has_the_ground_and_the_way_to_the_check(client, study):
+    page = read(client.get(section(study, "courses", 0)))
+    ground = next(e for e in page.all("script") if e.attributes.get("id") == "course-ground")
+    assert '"mapId": "cabin"' in ground.text
+    assert page.all("svg")
+
+
+def test_what_a_course_cannot_reach_is_told_before_it_is_saved(client, study):
+    assert check(client, study).json() == {"problems": [], "checkpoints": []}
+    wrong = check(client, study, checkpoints__1__x="20").json()
+    assert wrong["checkpoints"] == [1]
+    assert "checkpoint 1 lies in no room." in wrong["problems"]
+    assert check(client, study, checkpoints__0__y="3.5").json()["checkpoints"] == [0]
+    assert check(client, study, checkpoints__1__x="here").json() == {"problems": ["This is not a number."], "checkpoints": []}
+    assert stored() == small_study()
+
+
+def test_a_door_that_is_closed_in_some_condition_is_thought_of(client, study):
+    plan = {"passages": []}
+    row = publishing.FloorPlan.objects.get()
+    row.plan = {**row.plan, **plan, "walls": [*row.plan["walls"], {"start": [4.1, 2.6], "end": [4.1, 3.6], "thickness": 0.2}]}
+    row.save()
+    told = check(client, study).json()
+    assert told["checkpoints"] == [2]
+    assert "Condition shut: checkpoint 2 cannot be reached from the charging station with door closed." in told["problems"]
+
+
+def test_checkpoints_are_numbered_as_they_stand_and_the_photo_goes_along(client, study):
+    send(client, section(study, "courses", 0), "up:checkpoints:2")
+    course = stored().courses[0]
+    assert [(one.number, one.x) for one in course.checkpoints] == [(0, 0.5), (1, 7.0), (2, 3.0)]
+    assert course.photo.checkpoint == 1
+
+
+def test_a_zone_is_added_where_the_map_was_clicked(client, study):
+    answer = send(client, section(study, "courses", 0), "add:zones", at="2 3")
+    assert answer.headers["Location"].endswith("#course")
+    assert stored().courses[0].zones[0].polygon == ((1.5, 2.5), (2.5, 2.5), (2.5, 3.5), (1.5, 3.5))
+
+
+def test_a_course_without_a_floor_plan_says_so_and_can_still_be_written(client, boss):
+    row = publishing.store(small_study(), NOW)
+    assert "There is no floor plan of this site" in read(client.get(section(row, "courses", 0))).text
+    assert send(client, section(row, "courses", 0), checkpoints__1__x="2.5").status_code == 302
+    assert stored().courses[0].checkpoints[1].x == 2.5
+
+
+def test_nobody_else_may_ask_for_a_check(client, study):
+    address = reverse("admin:experiments_study_check", args=[study.pk, "courses", 0])
+    assert client.get(address).status_code == 404
+    client.force_login(person("eve", is_staff=True))
+    assert client.post(address, {}).status_code == 404
+
+
+# --- where a problem belongs -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("problem", "place"),
+    [
+        ("study.title has no text in es.", Place("about")),
+        ("study.courses[0].checkpoints[1].title has no text in es.", Place("courses", 0)),
+        ("experience.title has no text in es.", Place("steps", 1)),
+        ("shut.title has no text in es.", Place("conditions", 1)),
+        ("Step task: there is nothing to read.", Place("steps", 0)),
+        ("Condition shut: there is no site cabin.", Place("conditions", 1)),
+        ("Course of giraff at cabin: there is no checkpoint.", Place("courses", 0)),
+        ("There are 2 task steps; a study has one, which is repeated for each condition.", Place("steps")),
+        ("The refill rule needs both outcomes and a number.", Place("rules")),
+        ("Something that nobody foresaw.", None),
+    ],
+)
+def test_each_problem_leads_to_the_page_where_it_is_mended(problem, place):
+    assert place_of(problem, small_study()) == place
+
+
+def test_every_page_of_the_small_study_is_reached_from_the_others(client, study):
+    for name in SECTIONS:
+        links = {e.attributes["href"] for e in read(client.get(section(study, name))).all("a")}
+        assert {section(study, other) for other in SECTIONS} <= links
+    assert len(STUDY["steps"]) == len(stored().steps)
+
+
+def test_a_draft_in_which_somebody_took_part_says_that_it_is_read_as_it_is_now(client, study):
+    said = "make a new version to keep it apart"
+    assert said not in read(client.get(section(study, "steps"))).text
+    comer(study, person("pilot"), kind=Kind.PILOT)
+    assert said in read(client.get(section(study, "steps"))).text
+    send(client, section(study, "steps", 0), title__en="Drive round")
+    assert study.participants.filter(kind=Kind.PILOT).exists(), "what pilots did is kept"

@@ -1,0 +1,308 @@
+"""Who gets which condition, on what terms, and who may not have a robot of a study."""
+
+import datetime
+from collections import Counter
+
+import msgspec
+import pytest
+from django.utils import timezone
+
+from experiments.definition.course import Track
+from experiments.models import Drive, Kind, Participant, Study
+from experiments.participation import grants, progress
+from experiments.participation.grants import StudyTerms
+from experiments.participation.layout import track_of
+from robots.access import may_drive, may_observe
+from robots.models import Robot, RobotPermit
+from sessions.consumers import queries
+from sessions.leases import store, terms
+from sessions.models import Session
+from tests.support import participants as p
+from tests.support.people import person
+from tests.support.studies import STUDY, cabin, small_study
+from tests.support.study_site import cabin_with_giraff, robot_at
+from tests.support.task_drives import track
+
+pytestmark = pytest.mark.django_db
+
+
+def heard_of() -> None:
+    """The robots are online, for longer than any test takes."""
+    Robot.objects.update(connection="ONLINE", last_seen_at=timezone.now() + datetime.timedelta(hours=1))
+
+
+@pytest.fixture
+def robot():
+    cabin_with_giraff()
+    heard_of()
+    return Robot.objects.get(name="giraff")
+
+
+@pytest.fixture
+def study(robot):
+    return p.published(small_study())
+
+
+def take(robot: Robot, user, **more) -> store.Taken:
+    robot.refresh_from_db()
+    return queries.take(robot, user, f"peer-{user}", session=None, old_peer=None, takeover=False, device={}, now=timezone.now(), **more)
+
+
+def drives(robot: Robot, participant: Participant, outcome: str = "cancelled") -> Drive:
+    """The participant gets the robot, and leaves it."""
+    Robot.objects.update(turnaround="ready")
+    granted = take(robot, participant.user)
+    assert isinstance(granted, store.Granted), granted
+    store.end(granted.session, outcome, "left", timezone.now())
+    Robot.objects.update(turnaround="ready")
+    return Drive.objects.get(session=granted.session)
+
+
+def comers(study: Study, count: int, **more) -> list[Participant]:
+    return [p.comer(study, person(f"visitor-{study.slug}-{n}-{more.get('kind', '')}"), **more) for n in range(count)]
+
+
+def test_the_first_grant_assigns_a_condition_and_fixes_all_that_it_says(robot, study):
+    participant = p.comer(study, person("ada"))
+    granted = take(robot, participant.user)
+    participant.refresh_from_db()
+    drive = Drive.objects.get(session=granted.session)
+    assert (participant.stage, participant.cell, participant.conditions) == ("under_way", drive.condition, [drive.condition])
+    assert set(participant.candidates) == {"all_open", "shut"}
+    assert (drive.step, drive.visit, drive.round, drive.number, drive.exposed, drive.settled_at) == ("task", 1, 0, 1, False, None)
+    assert granted.terms == terms.of(Session.objects.get()) == msgspec.convert(drive.assigned["terms"], terms.Terms)
+    assert (granted.terms.assist, granted.terms.controllers, granted.terms.grace_seconds) == ("off", ("keyboard",), 120.0)
+    assert granted.terms.turn_seconds > 5 * 60.0
+    assert granted.terms.doors == {"door": "closed" if drive.condition == "shut" else "open"}
+    assert {"photo", "stop", "cancel"} <= set(granted.terms.actions)
+    assert not {"goto", "dock"} & set(granted.terms.actions)
+    assert granted.terms.leaving_completes is False
+    assert track_of(drive) == msgspec.convert(msgspec.to_builtins(track(drive.condition)), Track)
+
+
+def test_nobody_is_asked_whether_they_are_there_unless_the_condition_says_so(robot, study):
+    standing = grants.standing_of(p.comer(study, person("ada")).user, robot)
+    condition = standing.definition.conditions[0]
+    asked = msgspec.structs.replace(condition, idle_seconds=45.0)
+    assert [grants.terms_of(standing, one, robot, 1).idle_seconds for one in (condition, asked)] == [0.0, 45.0]
+
+
+def test_a_reload_changes_nothing(robot, study):
+    participant = p.comer(study, person("ada"))
+    first = take(robot, participant.user)
+    participant.refresh_from_db()
+    again = store.take(robot, participant.user, "peer-2", takeover=True, now=timezone.now())
+    assert (again.session, again.terms) == (first.session, first.terms)
+    assert StudyTerms().granted(Session.objects.get(), timezone.now()) == first.terms
+    assert Drive.objects.count() == 1
+    seen = Participant.objects.get()
+    assert (seen.cell, seen.draw_seed, seen.drawn_as) == (participant.cell, participant.draw_seed, participant.drawn_as)
+
+
+def test_cells_fill_evenly_and_every_draw_can_be_repeated(robot, study):
+    for participant in comers(study, 9):
+        drives(robot, participant)
+    counts = Counter(Participant.objects.values_list("cell", flat=True))
+    assert sorted(counts.values()) == [4, 5]
+    for participant in Participant.objects.all():
+        assert participant.cell in participant.candidates
+    assert len(set(Participant.objects.values_list("drawn_as", flat=True))) == 9
+
+
+def test_pilots_and_bots_are_assigned_among_themselves(robot, study):
+    for kind in (Kind.BOT, Kind.PILOT, Kind.PARTICIPANT):
+        for participant in comers(study, 2, kind=kind):
+            drives(robot, participant)
+    for kind in Kind:
+        assert sorted(Participant.objects.filter(kind=kind).values_list("cell", flat=True)) == ["all_open", "shut"]
+
+
+def test_a_participant_who_comes_back_keeps_the_cell_and_has_another_session(robot, study):
+    participant = p.comer(study, person("ada"))
+    first = drives(robot, participant)
+    Participant.objects.update(stage="filled", status="finished")
+    participant.refresh_from_db()
+    assert progress.come_again(participant, timezone.now())
+    Participant.objects.update(step="task")
+    second = drives(robot, participant)
+    assert (second.condition, second.number, second.visit) == (first.condition, 2, 2)
+    assert Participant.objects.get().stage == "filled"
+
+
+def test_somebody_whose_place_was_freed_is_drawn_anew(robot, study):
+    ada, ben = comers(study, 2)
+    drives(robot, ada)
+    Participant.objects.filter(pk=ada.pk).update(stage="freed")
+    drives(robot, ben)
+    Participant.objects.filter(pk=ben.pk).update(stage="filled")
+    drives(robot, ada)
+    ada.refresh_from_db()
+    ben.refresh_from_db()
+    assert (ada.stage, ada.cell) == ("under_way", "shut" if ben.cell == "all_open" else "all_open")
+
+
+def test_within_participants_each_round_has_the_next_condition(robot):
+    repeated = [{**STUDY["steps"][0], "repeat": True}, {**STUDY["steps"][1], "repeat": True}]
+    study = p.published(small_study(slug="within", allocation={"design": "within", "order": "all"}, steps=repeated))
+    participant = p.comer(study, person("ada"))
+    first = drives(robot, participant)
+    Participant.objects.update(round=1, step="task")
+    second = drives(robot, participant)
+    participant.refresh_from_db()
+    assert [first.condition, second.condition] == participant.conditions
+    assert (first.round, second.round, participant.cell) == (0, 1, "-".join(participant.conditions))
+
+
+def test_a_practice_drive_has_no_course_and_is_completed_by_leaving(robot):
+    steps = [{"kind": "practice", "key": "try", "title": {"en": "Try"}, "minutes": 2}, *STUDY["steps"]]
+    participant = p.comer(p.published(small_study(steps=steps)), person("ada"))
+    granted = take(robot, participant.user)
+    drive = Drive.objects.get()
+    assert (drive.step, track_of(drive), granted.terms.leaving_completes) == ("try", None, True)
+
+
+# --- who may not -----------------------------------------------------------------------------------------------------
+
+
+def test_when_every_place_is_taken_nobody_new_may_ask(robot):
+    study = p.published(small_study(allocation={"quota": 1}))
+    ada, ben, cem = comers(study, 3)
+    drives(robot, ada)
+    drives(robot, ben)
+    assert take(robot, cem.user) == store.Refused("full")
+    assert not Session.objects.filter(visitor=cem.user).exists()
+
+
+def test_the_last_place_that_went_while_somebody_asked_ends_their_visit(robot, monkeypatch):
+    study = p.published(small_study(allocation={"quota": 1}))
+    ada, ben, cem = comers(study, 3)
+    drives(robot, ada)
+    drives(robot, ben)
+    monkeypatch.setattr(grants, "_why_not", lambda *_: "")
+    refused = take(robot, cem.user)
+    assert (refused.reason, Session.objects.get(pk=refused.session).outcome) == ("full", "cancelled")
+    assert not Drive.objects.filter(participant=cem).exists()
+
+
+def test_a_study_that_is_closed_at_this_hour_lets_nobody_begin(robot):
+    yesterday = (timezone.now().weekday() + 3) % 7
+    hours = [{"days": [yesterday], "start": "09:00", "end": "09:01"}]
+    participant = p.comer(p.published(small_study(), opening_hours=hours), person("ada"))
+    assert take(robot, participant.user) == store.Refused("closed")
+
+
+def test_an_exclusive_study_keeps_its_robot_from_everybody_else(robot):
+    study = p.published(small_study(), exclusive=True)
+    participant, stranger, operator = p.comer(study, person("ada")), person("ben"), person("olga")
+    RobotPermit.objects.create(robot=robot, user=operator, kind="operator")
+    assert take(robot, stranger) == store.Refused("reserved")
+    assert isinstance(take(robot, operator), store.Granted)
+    store.end(str(Session.objects.get().pk), "cancelled", "left", timezone.now())
+    Robot.objects.update(turnaround="ready")
+    assert isinstance(take(robot, participant.user), store.Granted)
+
+
+def test_a_robot_by_invitation_is_driven_by_whom_the_study_invites_while_they_are_to_drive_and_watched_by_nobody_for_that(robot):
+    Robot.objects.update(access="invitation")
+    robot.refresh_from_db()
+    study = p.published(small_study(conditions=[{**one, "access": "invitation"} for one in STUDY["conditions"]]))
+    invited, stranger = p.comer(study, person("ada"), access="invitation"), person("ben")
+    assert may_drive(invited.user, robot)
+    assert not may_observe(invited.user, robot)
+    assert may_drive(stranger, robot).reason == "not_invited"
+    drives(robot, invited)
+    Participant.objects.update(step="experience")
+    assert may_drive(invited.user, robot).reason == "not_invited"
+
+
+def test_whom_nobody_invited_costs_one_look_and_an_invitation_as_many_as_two(robot, django_assert_num_queries):
+    by_invitation = [{**one, "access": "invitation"} for one in STUDY["conditions"]]
+    invited, comer = person("ada"), person("ben")
+    for slug in ("first", "second", "third"):
+        study = p.published(small_study(slug=slug, conditions=by_invitation))
+        p.comer(study, invited, access="invitation")
+        p.comer(study, comer)
+    Participant.objects.filter(user=invited).exclude(study__slug="first").update(step="experience")
+    assert robot.floor_plan is not None, "it is read with the robot, wherever robots are shown"
+    with django_assert_num_queries(1):
+        assert not grants.invites(comer, robot)
+    with django_assert_num_queries(2):
+        assert grants.invites(invited, robot)
+
+
+def test_everybody_else_drives_freely_where_the_study_does_not_mind(robot, study):
+    granted = take(robot, person("ben"))
+    assert granted.terms == terms.FREE
+    assert not Drive.objects.exists()
+
+
+def test_somebody_who_does_not_stand_on_a_drive_drives_for_themselves(robot, study):
+    participant = p.comer(study, person("ada"))
+    Participant.objects.update(step="experience")
+    assert take(robot, participant.user).terms == terms.FREE
+
+
+def test_a_drive_that_was_driven_is_not_driven_again(robot, study):
+    participant = p.comer(study, person("ada"))
+    drive = drives(robot, participant)
+    Drive.objects.filter(pk=drive.pk).update(exposed=True)
+    assert take(robot, participant.user) == store.Refused("not_allowed")
+
+
+def test_a_draft_is_for_pilots_and_bots(robot, study):
+    Study.objects.update(status="draft")
+    visitor, pilot = p.comer(study, person("ada")), p.comer(study, person("ben"), kind=Kind.PILOT)
+    assert take(robot, visitor.user).terms == terms.FREE
+    store.end(str(Session.objects.get().pk), "cancelled", "left", timezone.now())
+    Robot.objects.update(turnaround="ready")
+    assert take(robot, pilot.user).terms.study["slug"] == "cabin-study"
+
+
+def test_another_series_of_robots_is_none_of_the_studys(robot, study):
+    rhodon = robot_at(robot.floor_plan, "rhodon", "rhodon")
+    heard_of()
+    participant = p.comer(study, person("ada"))
+    assert take(rhodon, participant.user).terms == terms.FREE
+
+
+def test_a_site_whose_plan_has_changed_under_the_study_ends_the_visit(robot, study):
+    plan = {**robot.floor_plan.plan, "docks": []}
+    robot.floor_plan.plan = plan
+    robot.floor_plan.save()
+    participant = p.comer(study, person("ada"))
+    assert take(robot, participant.user).reason == "not_allowed"
+    assert Session.objects.get().state == "ended"
+
+
+def test_the_course_of_a_drive_stays_when_the_plan_is_drawn_anew(robot, study):
+    participant = p.comer(study, person("ada"))
+    drive = drives(robot, participant)
+    before = track_of(drive)
+    robot.floor_plan.plan = {**robot.floor_plan.plan, "docks": []}
+    robot.floor_plan.save()
+    assert track_of(Drive.objects.get()) == before
+    assert before.dock.x == cabin().docks[0].x
+
+
+def test_who_drives_for_themselves_and_then_takes_part_begins_anew_from_the_station(robot, study):
+    user = person("ada")
+    free = take(robot, user).session
+    Session.objects.filter(pk=free).update(state="driving", first_motion_at=timezone.now())
+    p.comer(study, user)
+    queued = take(robot, user)
+    assert isinstance(queued, store.Queued)
+    assert queued.reason.startswith("returning")
+    before = Session.objects.get(pk=free)
+    assert (before.state, before.outcome, before.outcome_reason, before.terms) == ("ended", "completed", "begins_anew", {})
+    Robot.objects.update(turnaround="ready")
+    granted = take(robot, user)
+    assert granted.session == queued.session
+    assert Drive.objects.get().session_id == Session.objects.get(pk=granted.session).pk
+
+
+def test_a_visit_that_has_not_moved_yet_becomes_the_studys(robot, study):
+    user = person("ada")
+    free = take(robot, user).session
+    p.comer(study, user)
+    granted = store.take(robot, user, "peer-2", takeover=True, now=timezone.now())
+    assert (granted.session, granted.terms.study["slug"]) == (free, "cabin-study")

@@ -1,0 +1,194 @@
+import datetime
+
+import pytest
+from django.utils import timezone
+
+from experiments.models import Kind, Participant, StepVisit, Study, StudyMember
+from experiments.participation import completion, landing, progress
+from experiments.participation.journey import Place
+from experiments.participation.questions import ask, context_key
+from tests.support import participants as p
+from tests.support.people import person
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture
+def study():
+    return p.published(p.of("exploration"))
+
+
+@pytest.fixture
+def twice():
+    return p.published(p.of("assistance"))
+
+
+def answer(participant: Participant) -> None:
+    """Answer the questions of the step where somebody stands."""
+    step = progress.step_of(participant)
+    given = ask(participant, progress.place(participant), step, robot=(), outcome="", return_to="", now=timezone.now())
+    type(given).objects.filter(pk=given.pk).update(finished_at=timezone.now())
+
+
+def test_coming_in_twice_makes_one_row_at_the_first_step(study):
+    user = person()
+    first = p.comer(study, user, recruitment={"PROLIFIC_PID": "abc"}, language="es-mx")
+    second = p.comer(study, user, recruitment={"PROLIFIC_PID": "other"}, language="en")
+    assert first.pk == second.pk
+    assert progress.place(second) == Place(1, 0, "consent")
+    assert (second.recruitment, second.language, second.kind) == ({"PROLIFIC_PID": "abc"}, "es", "participant")
+    assert list(StepVisit.objects.values_list("step", "finished_at")) == [("consent", None)]
+
+
+def test_a_later_invitation_widens_the_access_only_before_the_assignment(study):
+    user = person()
+    p.comer(study, user)
+    assert p.comer(study, user, access="invitation").access == "invitation"
+    other = p.assign(p.comer(study, person("bob")), "giraff_open")
+    assert p.comer(study, other.user, access="invitation").access == "open"
+
+
+def test_recruitment_parameters_are_kept_within_bounds():
+    many = {f"n{n}": "x" * 200 for n in range(20)}
+    kept = progress.kept_parameters({**many, "ctrl": "a\x00b"})
+    assert len(kept) == 10
+    assert all(len(value) == 100 for value in kept.values())
+    assert "ctrl" not in progress.kept_parameters({"ctrl": "a\x00b", "": "x"})
+
+
+def test_going_on_happens_once_however_often_it_is_asked(study):
+    participant = p.comer(study, person())
+    here = progress.place(participant)
+    stale = Participant.objects.get(pk=participant.pk)
+    assert progress.go_on(participant, here, timezone.now())
+    assert not progress.go_on(stale, here, timezone.now())
+    assert progress.place(stale) == Place(1, 0, "about_you")
+    assert {row.step: row.finished_at is None for row in StepVisit.objects.all()} == {"consent": False, "about_you": True}
+
+
+def test_a_place_of_another_visit_or_study_moves_nobody(study):
+    participant = p.comer(study, person())
+    for there in (Place(2, 0, "consent"), Place(1, 1, "consent"), Place(1, 0, "nothing"), Place(1, 0, "task")):
+        assert not progress.go_on(participant, there, timezone.now())
+    assert progress.place(participant) == Place(1, 0, "consent")
+
+
+def walk(participant: Participant) -> list[str]:
+    passed = []
+    while participant.status == "active":
+        passed.append(progress.place(participant).word)
+        assert progress.go_on(participant, progress.place(participant), timezone.now())
+    return passed
+
+
+def test_the_way_through_the_papers_study_ends_at_the_thanks_with_a_code(study):
+    participant = p.comer(study, person())
+    assert walk(participant) == ["1.0.consent", "1.0.about_you", "1.0.instructions", "1.0.task", "1.0.experience"]
+    assert (participant.step, participant.completion) == ("thanks", "technical_failure")  # nobody drove
+    assert participant.completion_code == completion.code(study, "technical_failure")
+
+
+def test_within_participants_the_repeated_steps_are_gone_through_for_each_condition(twice):
+    participant = p.comer(twice, person())
+    assert [word for word in walk(participant) if "task" in word] == ["1.0.task", "1.1.task"]
+    p.assign(participant, "assisted", "alone")
+    participant.round = 0
+    assert progress.wanted_condition(participant, twice.as_definition()).key == "assisted"
+    participant.round = 1
+    assert progress.wanted_condition(participant, twice.as_definition()).key == "alone"
+    participant.round = 2
+    assert progress.wanted_condition(participant, twice.as_definition()) is None
+
+
+def test_on_the_next_visit_consent_and_form_are_skipped_and_the_cell_stays(study):
+    from experiments.participation import consent
+
+    participant = p.comer(study, person())
+    consent.agree(participant, progress.step_of(participant), language="en", age=30, now=timezone.now())
+    progress.go_on(participant, progress.place(participant), timezone.now())
+    answer(participant)
+    walk(participant)
+    p.assign(participant, "giraff_open")
+    assert progress.come_again(participant, timezone.now())
+    assert progress.place(participant) == Place(2, 0, "instructions")
+    assert (participant.status, participant.cell) == ("active", "giraff_open")
+    assert not progress.come_again(participant, timezone.now())
+    assert walk(participant) == ["2.0.instructions", "2.0.task", "2.0.experience"]
+    steps = {step.key: step for step in study.as_definition().steps}
+    first, second = (context_key(participant, Place(visit, 0, "experience"), steps["experience"]) for visit in (1, 2))
+    assert first != second
+    assert context_key(participant, Place(2, 0, "about_you"), steps["about_you"]) == context_key(
+        participant, Place(1, 0, "about_you"), steps["about_you"]
+    )
+
+
+def test_a_drive_that_moved_is_done_and_one_that_failed_is_a_technical_failure_until_a_later_one_succeeds(study):
+    robot = p.site("office")
+    participant = p.assign(p.comer(study, person()), "giraff_open")
+    Participant.objects.filter(pk=participant.pk).update(step="task")
+    p.drive_of(robot, participant, outcome="robot_fault", moved=True)
+    assert completion.way_of(participant) == "technical_failure"
+    p.drive_of(robot, participant, outcome="cancelled", moved=False)
+    assert completion.way_of(participant) == "technical_failure"
+    p.drive_of(robot, participant, outcome="timed_out", moved=True)
+    assert completion.way_of(participant) == "done"
+    completion.conclude(participant, timezone.now())
+    p.drive_of(robot, participant, outcome="connection_lost", moved=True)
+    completion.conclude(participant, timezone.now())
+    assert participant.completion == "done"
+
+
+def test_codes_differ_by_ending_and_study_and_are_the_same_for_everybody(study, twice):
+    codes = {completion.code(one, way) for one in (study, twice) for way in completion.WAYS}
+    assert len(codes) == 6
+    assert completion.code(study, "done") == completion.code(Study.objects.get(pk=study.pk), "done")
+
+
+def test_who_sees_which_version(study):
+    researcher, visitor = person("rita"), person("vic")
+    StudyMember.objects.create(slug="exploration", user=researcher, role="viewer")
+    draft = p.publishing.store(p.of("exploration", version=2), timezone.now())
+    assert progress.study_for(researcher, "exploration") == draft
+    assert progress.study_for(visitor, "exploration") == study
+    assert progress.kind_of(researcher, study) == Kind.PILOT
+    began = p.comer(study, visitor)
+    Study.objects.filter(pk=draft.pk).update(status="published")
+    Study.objects.filter(pk=study.pk).update(status="closed")
+    assert progress.study_for(visitor, "exploration") == study, "whoever began goes on with what they began"
+    Participant.objects.filter(pk=began.pk).update(status="finished")
+    assert progress.study_for(visitor, "exploration") == draft
+    assert progress.study_for(visitor, "nothing") is None
+
+
+def test_a_draft_is_nobodys_but_its_researchers():
+    draft = p.publishing.store(p.of("exploration"), timezone.now())
+    assert progress.study_for(person(), "exploration") is None
+    assert progress.study_for(person("root", is_superuser=True), "exploration") == draft
+
+
+def test_the_home_page_shows_what_is_published_and_open_to_all_and_of_what_is_closed_now_when_it_opens(study, twice):
+    now = datetime.datetime(2026, 3, 7, 12, 0, tzinfo=datetime.UTC)  # a Saturday
+    assert {one.slug for one in progress.visible_studies(now)} == {"exploration", "assistance"}
+    Study.objects.filter(pk=study.pk).update(opening_hours=[{"days": [0], "start": "09:00", "end": "10:00"}])
+    assert [one.slug for one in progress.visible_studies(now)] == ["assistance", "exploration"]
+    opens = {one.slug: one.opens_at for one in landing.invitations("en", now)}
+    assert opens == {"assistance": None, "exploration": datetime.datetime(2026, 3, 9, 9, 0)}  # noqa: DTZ001 -- as the wall clock shows it there
+    Study.objects.filter(pk=twice.pk).update(entry="personal")
+    assert [one.slug for one in progress.visible_studies(now)] == ["exploration"]
+
+
+def test_a_study_is_full_when_every_cell_has_its_quota():
+    study = p.published(p.of("exploration", allocation={"design": "between", "quota": 1}))
+    assert not progress.is_full(study, "open")
+    for n, condition in enumerate(("giraff_open", "giraff_lab_closed", "giraff_lounge_closed")):
+        p.assign(p.comer(study, person(f"p{n}")), condition)
+    assert progress.is_full(study, "open")
+    assert not progress.is_full(study, "invitation")
+    assert not progress.is_full(study, "open", Kind.PILOT)
+
+
+def test_before_the_assignment_all_conditions_that_are_open_to_somebody_are_possible(study):
+    assert {one.robot for one in progress.open_conditions(p.comer(study, person()))} == {"giraff"}
+    assert {one.robot for one in progress.open_conditions(p.comer(study, person("eva"), access="invitation"))} == {"rhodon"}
+    assigned = p.assign(p.comer(study, person("ann")), "giraff_lab_closed")
+    assert [one.key for one in progress.open_conditions(assigned)] == ["giraff_lab_closed"]

@@ -1,0 +1,94 @@
+"""Whose robots a study may use."""
+
+import pytest
+from django.urls import reverse
+from django.utils import timezone
+
+from experiments.definition import publishing
+from experiments.models import Study, StudyMember
+from experiments.participation.robot_eligibility import is_lent, is_shown
+from robots.access import may_drive
+from robots.models import Robot, RobotPermit
+from tests.support import participants as p
+from tests.support import replays
+from tests.support.people import person
+from tests.support.studies import STUDY, small_study
+from tests.support.study_site import cabin_with_giraff
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture
+def robot():
+    """A robot that somebody lends to nobody yet."""
+    cabin_with_giraff()
+    Robot.objects.update(access="invitation", owner=person("owner", is_staff=True))
+    return Robot.objects.get()
+
+
+@pytest.fixture
+def mallory():
+    """A researcher with a study of their own, and no robot."""
+    user = person("mallory", is_staff=True)
+    StudyMember.objects.create(slug="cabin-study", user=user, role="owner")
+    return user
+
+
+def by(user, **more) -> Study:
+    study = p.published(small_study(conditions=[{**one, "access": "invitation"} for one in STUDY["conditions"]]), **more)
+    Study.objects.update(published_by=user)
+    return study
+
+
+def test_a_robot_without_an_owner_is_every_studys():
+    assert is_lent(replays.cabin_robot(), "any")
+
+
+def test_a_study_that_names_somebody_elses_robot_invites_nobody_onto_it(robot, mallory):
+    guest = p.comer(by(mallory), person("guest"), access="invitation")
+    assert may_drive(guest.user, robot).reason == "not_invited"
+    permit = RobotPermit.objects.create(robot=robot, user=mallory, kind="operator")
+    assert may_drive(guest.user, robot)
+    permit.delete()
+    assert may_drive(guest.user, robot).reason == "not_invited"
+
+
+def test_to_make_its_owner_a_member_of_the_study_lends_no_robot(robot, mallory):
+    guest = p.comer(by(mallory), person("guest"), access="invitation")
+    StudyMember.objects.create(slug="cabin-study", user=robot.owner, role="owner")
+    assert may_drive(guest.user, robot).reason == "not_invited"
+
+
+def test_an_exclusive_study_keeps_nobody_from_a_robot_that_is_not_lent_to_it(robot, mallory):
+    from experiments.participation.grants import StudyTerms
+
+    Robot.objects.update(access="open")
+    study, stranger = by(mallory, exclusive=True), person("stranger")
+    assert StudyTerms().why_not(stranger, robot, timezone.now()) == ""
+    Study.objects.filter(pk=study.pk).update(published_by=robot.owner)
+    assert StudyTerms().why_not(stranger, robot, timezone.now()) == "reserved"
+
+
+def test_a_researcher_neither_sees_nor_holds_somebody_elses_robot(client, robot, mallory):
+    by(mallory)
+    client.force_login(mallory)
+    assert client.get(reverse("study_live_data", args=["cabin-study"])).json()["robots"] == []
+    hold = {"act": "hold", "robot": "giraff", "text": "mine now"}
+    assert client.post(reverse("study_live_act", args=["cabin-study"]), hold).status_code == 404
+    Robot.objects.update(access="open")
+    assert is_shown(Robot.objects.get(), "cabin-study")
+    assert client.post(reverse("study_live_act", args=["cabin-study"]), hold).status_code == 404
+    Study.objects.update(published_by=robot.owner)
+    assert client.post(reverse("study_live_act", args=["cabin-study"]), hold).status_code == 200
+
+
+def test_a_draft_has_nobodys_robots_at_its_disposal(robot, mallory):
+    by(robot.owner)
+    Study.objects.update(status="draft")
+    assert not is_lent(robot, "cabin-study")
+
+
+def test_who_publishes_is_written_down(robot):
+    row = publishing.publish(publishing.store(small_study(), timezone.now()), robot.owner, "because it is a test", timezone.now())
+    assert row.published_by == robot.owner
+    assert is_lent(robot, "cabin-study")

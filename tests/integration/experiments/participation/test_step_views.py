@@ -1,0 +1,418 @@
+import pytest
+from django.urls import reverse
+from django.utils import timezone
+
+from experiments.definition.shipped import shipped
+from experiments.models import ConsentReceipt, Participant, StepVisit, Study
+from experiments.participation import completion, journey, progress
+from robots.models import Robot
+from surveys.models import Response
+from tests.support import participants as p
+from tests.support.html_page import faults, read
+from tests.support.people import person
+from tests.support.study_walk import Walker
+
+pytestmark = pytest.mark.django_db
+PLACES = [(name, place) for name, study in shipped().items() for place in journey.route(study, journey.rounds(study, "open"), 1)]
+
+
+@pytest.fixture
+def robot():
+    return p.site()
+
+
+@pytest.fixture
+def walk(robot):
+    def start(name: str = "exploration", username: str = "ada", **fields) -> Walker:
+        walker = Walker(Study.objects.filter(slug=name).first() or p.published(p.of(name), **fields), person(username), robot)
+        walker.come()
+        return walker
+
+    return start
+
+
+def bring(walker: Walker, place: journey.Place) -> None:
+    while progress.place(walker.participant) != place:
+        before = progress.place(walker.participant)
+        walker.do()
+        assert progress.place(walker.participant) != before, f"stuck at {before.word}"
+
+
+# --- every step, whatever somebody does with their browser ------------------------------------------------------------
+
+
+def check_reload_and_back(walker: Walker, past: list[dict[str, str]]) -> None:
+    """Nothing changes by looking again, on another device, or by sending again what was sent before."""
+    place = progress.place(walker.participant)
+    shown = walker.look()
+    assert faults(shown) == [], place.word
+    assert walker.look().text == shown.text, f"{place.word}: reload"
+    assert walker.look(walker.browser()).text == shown.text, f"{place.word}: another device"
+    for fields in past:
+        for more in ({}, {"go": "decline"}, {"go": "without"}):
+            walker.client.post(walker.url(), {**fields, **more})
+    assert progress.place(walker.participant) == place, f"{place.word}: back, and sent once more"
+    assert walker.participant.status != Participant.Status.WITHDRAWN, place.word
+    assert walker.look().text == shown.text, f"{place.word}: after going back"
+
+
+@pytest.mark.parametrize("name", list(shipped()))
+def test_every_step_of_a_study_under_reload_back_second_tab_and_other_device_loses_nothing_and_does_nothing_twice(walk, name):
+    walker, other = walk(name), None
+    past: list[dict[str, str]] = []
+    way = progress.way_of(walker.participant)
+    assert len(way) == len([place for place in PLACES if place[0] == name])
+    for number, place in enumerate(way):
+        assert progress.place(walker.participant) == place
+        check_reload_and_back(walker, past)
+        assert StepVisit.objects.count() == number + 1, place.word
+        if place == way[-1]:
+            break
+        past.append(walker.answers())
+        other = walker.browser()
+        walker.look(other)
+        walker.do()
+        other.post(walker.url(), past[-1])
+        walker.look(other)
+        assert progress.place(walker.participant) == way[number + 1], f"{place.word}: answered in two tabs"
+    assert StepVisit.objects.filter(finished_at=None).count() == 1  # the thanks
+    assert ConsentReceipt.objects.count() == 1
+    contexts = [context for (context,) in Response.objects.values_list("context")]
+    assert len(contexts) == len(set(contexts))
+
+
+@pytest.mark.parametrize("name", list(shipped()))
+def test_a_whole_study_and_a_second_visit_without_the_questions_about_the_person(walk, name):
+    walker = walk(name)
+    bring(walker, progress.way_of(walker.participant)[-1])
+    page = walker.look()
+    assert completion.code(walker.study, "done") in page.text
+    assert walker.participant.status == "finished"
+    walker.come()
+    assert walker.participant.visit == 2
+    passed = []
+    while walker.participant.status == "active":
+        passed.append(progress.place(walker.participant).step)
+        walker.do()
+    assert "consent" not in passed
+    assert "about_you" not in passed
+    assert passed.count("task") == len(walker.participant.conditions)
+    asked = Response.objects.filter(questionnaire__slug="ict").count(), Response.objects.filter(questionnaire__slug="experience").count()
+    assert asked == (1, 2 * len(walker.participant.conditions))
+
+
+# --- consent ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_receipt_holds_the_text_as_it_was_shown_and_can_be_taken_along(walk):
+    walker = walk()
+    page = read(walker.client.get(walker.url(), headers={"accept-language": "es"}))
+    assert "Conducirás un robot real" in page.text
+    walker.client.post(
+        walker.url(), {"place": "1.0.consent", "age": "17", "guardian": "Grandma  Ada", "agree": "on"}, headers={"accept-language": "es"}
+    )
+    row = ConsentReceipt.objects.get()
+    assert (row.language, row.version, row.guardian) == ("es", 1, "Grandma Ada")
+    assert row.text.startswith("Conducirás un robot real")
+    assert (walker.participant.age, walker.participant.language) == (17, "es")
+    answer = walker.client.get(reverse("study_receipt", args=[walker.participant.code, "consent"]))
+    assert row.text_sha256 in answer.content.decode()
+    assert "attachment" in answer["Content-Disposition"]
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{}, {"age": "30"}, {"agree": "on"}, {"age": "0", "agree": "on"}, {"age": "-5", "agree": "on"}, {"age": "121", "agree": "on"},
+     {"age": "1e3", "agree": "on"}, {"age": "٣٠x", "agree": "on"}, {"age": "17", "agree": "on"}, {"age": "17", "agree": "on", "guardian": "\u202ex"}],
+)  # fmt: skip
+def test_a_consent_that_is_not_given_or_out_of_range_is_asked_again_and_nothing_is_stored(walk, fields):
+    walker = walk()
+    response = walker.send(**fields)
+    assert response.status_code == 422
+    page = read(response)
+    assert faults(page) == []
+    assert any(e.attributes.get("role") == "alert" for e in page.elements)
+    assert (ConsentReceipt.objects.count(), walker.participant.step) == (0, "consent")
+
+
+def test_who_declines_leaves_a_row_without_a_name_and_may_come_again(walk):
+    walker = walk()
+    assert "You do not take part any more" in read(walker.send(go="decline")).text
+    row = Participant.objects.get()
+    assert (row.status, row.user, row.withdrawn_step) == ("withdrawn", None, "consent")
+    walker.come()
+    assert walker.participant.status == "active"
+
+
+def test_a_minor_is_turned_away_where_the_study_says_so_with_a_code_of_its_own(robot):
+    definition = p.of("exploration")
+    consent = {
+        "kind": "consent",
+        "key": "consent",
+        "title": {"en": "C", "es": "C"},
+        "text": {"en": "T", "es": "T"},
+        "minimum_age": 18,
+        "minors": "refused",
+    }
+    steps = [consent, *p.msgspec.to_builtins(definition)["steps"][1:]]
+    walker = Walker(p.published(p.of("exploration", steps=steps)), person(), robot)
+    walker.come()
+    assert "at least 18" in walker.look().text
+    walker.send(age="17", agree="on")
+    assert (walker.participant.status, walker.participant.completion) == ("screened_out", "screened_out")
+    page = walker.look()
+    assert "You cannot take part" in page.text
+    assert completion.code(walker.study, "screened_out") in page.text
+    walker.send(age="18", agree="on")
+    assert walker.participant.status == "screened_out"
+    assert ConsentReceipt.objects.count() == 0
+
+
+# --- instructions ----------------------------------------------------------------------------------------------------
+
+
+def test_instructions_are_one_page_each_with_a_picture_and_only_those_of_the_robot(walk):
+    walker = walk()
+    bring(walker, journey.Place(1, 0, "instructions"))
+    texts = []
+    for number in ("1", "2", "3", "4"):
+        page = read(walker.client.get(walker.url(), {"leaf": number}))
+        texts.append(page.text)
+        assert f"Page {number} of 4" in page.text
+        assert len([e for e in page.all("img") if "instructions" in e.attributes.get("src", "")]) == 1
+    assert "arrow keys" in texts[0]
+    assert "Next" in texts[0]
+    assert "go on" in texts[3]
+    for wrong in ("0", "99", "-1", "x", "9" * 500, "²"):
+        assert "of 4" in read(walker.client.get(walker.url(), {"leaf": wrong})).text
+    Participant.objects.update(access="invitation")
+    assert "Page 1 of 3" in walker.look().text
+
+
+# --- driving ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def at_task(walk):
+    def bring_there(name: str = "exploration", step: str = "task") -> Walker:
+        walker = walk(name)
+        bring(walker, journey.Place(1, 0, step))
+        return walker
+
+    return bring_there
+
+
+def test_the_drive_page_is_told_of_the_study(at_task, robot):
+    walker = at_task()
+    page = walker.look()
+    assert "Now you drive. You have 15 minutes" in page.text
+    assert "without driving" not in page.text
+    response = walker.client.get(walker.url("study_drive"))
+    assert response.status_code == 200
+    guide = response.context["config"]["study"]
+    assert (guide["kind"], len(guide["checkpoints"]), guide["urls"]["step"]) == ("task", 5, walker.url())
+    assert response.context["robot"] == robot
+
+
+@pytest.mark.parametrize("outcome", ["completed", "timed_out", "cancelled", "stopped_by_operator", "robot_fault", "connection_lost"])
+def test_after_a_drive_that_moved_the_questions_follow_by_themselves_whatever_its_outcome(at_task, robot, outcome):
+    walker = at_task()
+    walker.drive(outcome)
+    response = walker.client.get(walker.url())
+    assert response.url.startswith("/questions/")
+    assert walker.participant.step == "experience"
+    asked = Response.objects.get(questionnaire__slug="experience")
+    assert (asked.outcome, asked.robot) == (outcome, [robot.name, "giraff"])
+
+
+@pytest.mark.parametrize("outcome", ["cancelled", "connection_refused", "robot_fault", "connection_lost", "stopped_by_operator", "timed_out"])
+def test_after_a_drive_that_never_moved_one_may_try_again_or_answer_without(at_task, outcome):
+    walker = at_task()
+    walker.drive(outcome, moved=False)
+    page = walker.look()
+    words = [e.text.strip() for e in page.elements if e.tag in {"a", "button"} and "button" in e.attributes.get("class", "")]
+    assert words.index("Try again") < words.index("Answer the questions without driving")
+    assert walker.participant.step == "task"
+    assert walker.client.get(walker.url("study_drive")).status_code == 200
+    walker.send(go="without")
+    assert walker.client.get(walker.url()).url.startswith("/questions/")
+    assert Response.objects.get(questionnaire__slug="experience").outcome == outcome
+    assert walker.participant.step == "experience"
+
+
+def test_a_second_try_that_moves_goes_on_and_both_drives_are_there(at_task):
+    walker = at_task()
+    walker.drive("connection_lost", moved=False)
+    walker.look()
+    walker.drive("completed")
+    walker.look()
+    assert walker.participant.step == "experience"
+    assert sorted(walker.participant.drives.values_list("number", flat=True)) == [1, 2]
+
+
+def test_while_a_drive_lives_no_answer_skips_it_and_the_page_leads_back(at_task):
+    walker = at_task()
+    walker.drive("", moved=True)
+    assert "Back to the robot" in walker.look().text
+    walker.send(go="without")
+    assert walker.participant.step == "task"
+    assert walker.client.get(walker.url("study_drive")).status_code == 200
+
+
+def test_a_visit_that_never_got_the_robot_may_be_tried_again(at_task, robot):
+    walker = at_task()
+    p.session_of(robot, walker.participant, outcome="cancelled", granted=False, reason="left_queue")
+    assert "Try again" in walker.look().text
+
+
+def test_a_drive_outside_of_the_study_before_the_step_changes_nothing(walk, robot):
+    walker = walk()
+    p.session_of(robot, walker.participant, outcome="completed", moved=True)
+    bring(walker, journey.Place(1, 0, "task"))
+    assert "Try again" not in walker.look().text
+    p.session_of(robot, walker.participant, outcome="completed", moved=True)
+    assert walker.participant.step == "task"
+
+
+def test_nobody_skips_the_drive_while_the_robot_is_there_and_everybody_may_when_it_is_gone(at_task, robot):
+    walker = at_task()
+    walker.send(go="without")
+    assert walker.participant.step == "task"
+    Robot.objects.update(connection="OFFLINE")
+    page = walker.look()
+    assert "cannot be reached" in page.text
+    walker.send(go="without")
+    walker.look()
+    assert walker.participant.step == "experience"
+    Response.objects.update(finished_at=p.later(0))
+    assert completion.code(walker.study, "technical_failure") in walker.look().text
+
+
+def test_practice_may_be_left_out_and_ends_like_a_drive(at_task):
+    walker = at_task("assistance", "practice")
+    assert "Go on without practising" in walker.look().text
+    walker.drive("completed")
+    walker.look()
+    assert walker.participant.step == "task"
+
+
+def test_a_full_study_turns_away_who_has_no_place(at_task):
+    walker = at_task()
+    definition = p.msgspec.to_builtins(walker.study.as_definition()) | {"allocation": {"design": "between", "quota": 1}}
+    Study.objects.update(definition=definition)
+    for n, condition in enumerate(("giraff_open", "giraff_lab_closed", "giraff_lounge_closed")):
+        p.assign(p.comer(walker.study, person(f"p{n}")), condition)
+    assert "You cannot take part" in walker.look().text
+    assert walker.participant.status == "screened_out"
+
+
+def test_who_gave_their_place_back_is_not_turned_away_but_answers_when_all_others_are_taken(at_task):
+    walker = at_task()
+    walker.drive("connection_refused", moved=False)
+    Participant.objects.update(stage="freed")
+    definition = p.msgspec.to_builtins(walker.study.as_definition()) | {"allocation": {"design": "between", "quota": 1}}
+    Study.objects.update(definition=definition)
+    for n, condition in enumerate(("giraff_open", "giraff_lab_closed", "giraff_lounge_closed")):
+        p.assign(p.comer(walker.study, person(f"p{n}")), condition)
+    page = walker.look()
+    assert "All places are taken" in page.text
+    assert "Try again" not in page.text
+    walker.send(go="without")
+    assert walker.participant.step == "experience"
+
+
+def test_outside_of_the_opening_hours_nobody_drives_and_the_page_says_when_by_the_studys_own_clock(at_task):
+    walker = at_task()
+    in_two_days = (timezone.now().weekday() + 2) % 7
+    Study.objects.update(opening_hours=[{"days": [in_two_days], "start": "09:00", "end": "10:00"}], time_zone="Pacific/Auckland")
+    page = walker.look()
+    assert "not driven now" in page.text
+    assert "09:00 (Pacific/Auckland)" in page.text
+    assert walker.client.get(walker.url("study_drive")).url == walker.url()
+
+
+def test_a_robot_that_this_visitor_may_not_drive_is_named_as_the_studys_mistake(at_task):
+    walker = at_task()
+    Robot.objects.update(access="trained")
+    page = read(walker.client.get(walker.url("study_drive")))
+    assert faults(page) == []
+    assert "You may not drive this study's robot" in page.text
+
+
+def test_a_questionnaire_that_is_not_there_is_named_as_the_studys_mistake(walk):
+    walker = walk()
+    steps = p.msgspec.to_builtins(walker.study.as_definition())["steps"]
+    steps[1]["questionnaire"] = "gone"
+    Study.objects.update(definition={**p.msgspec.to_builtins(walker.study.as_definition()), "steps": steps})
+    walker.send(age="30", agree="on")
+    page = walker.look()
+    assert faults(page) == []
+    assert "The questions of this step are not here" in page.text
+
+
+# --- what does not fit -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("place", ["", "1.0.nothing", "9.0.consent", "1.5.task", "x" * 5000, "1.0.task\n", "0.0.consent"])
+def test_a_forged_step_is_a_clear_page_and_changes_nothing(walk, place):
+    walker = walk()
+    response = walker.client.post(walker.url(), {"place": place, "age": "30", "agree": "on"})
+    assert response.status_code == 400
+    page = read(response)
+    assert faults(page) == []
+    assert "That page does not fit" in page.text
+    assert walker.participant.step == "consent"
+
+
+def test_a_step_ahead_cannot_be_answered(walk):
+    walker = walk()
+    for place in progress.way_of(walker.participant)[1:]:
+        walker.client.post(walker.url(), {"place": place.word, "go": "without", "agree": "on", "age": "30"})
+        walker.client.get(walker.url("study_drive"))
+    assert walker.participant.step == "consent"
+    assert ConsentReceipt.objects.count() == 0
+
+
+def test_nobody_gets_at_somebody_elses_participation(walk, client):
+    walker = walk()
+    walker.send(age="30", agree="on")
+    code = walker.participant.code
+    client.force_login(person("eve"))
+    for name, arguments in (("study_withdraw", [code]), ("study_receipt", [code, "consent"])):
+        assert client.get(reverse(name, args=arguments)).status_code == 404
+    assert client.post(reverse("study_withdraw", args=[code])).status_code == 404
+    assert client.get(walker.url()).url == walker.url("study")
+    assert client.post(walker.url(), {"place": "1.0.about_you"}).url == walker.url("study")
+    assert client.get(walker.url("study_drive")).url == walker.url("study")
+    assert walker.participant.status == "active"
+    walker.look()
+    theirs = Response.objects.get()
+    assert client.get(reverse("survey", args=[theirs.pk])).status_code == 404
+
+
+def test_a_stranger_is_led_to_the_front_page(walk, client):
+    walker = walk()
+    for name in ("study_step", "study_drive"):
+        assert client.get(walker.url(name)).url == walker.url("study")
+    assert client.get("/studies/nothing/step/").status_code == 404
+
+
+def test_a_closed_study_lets_its_participants_finish(walk):
+    walker = walk()
+    bring(walker, journey.Place(1, 0, "task"))
+    Study.objects.update(status="closed")
+    page = walker.look()
+    assert "nobody drives for it any more" in page.text
+    assert walker.client.get(walker.url("study_drive")).url == walker.url()
+    walker.send(go="without")
+    assert walker.participant.step == "experience"
+
+
+@pytest.mark.parametrize("language", ["en", "es"])
+def test_every_page_is_sound_in_both_languages(walk, language):
+    walker = walk()
+    for place in progress.way_of(walker.participant):
+        bring(walker, place)
+        response = walker.client.get(walker.url(), headers={"accept-language": language}, follow=True)
+        assert response.status_code == 200
+        assert faults(read(response)) == []

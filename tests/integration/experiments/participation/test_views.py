@@ -1,0 +1,346 @@
+import json
+
+import pytest
+from django.urls import reverse
+from django.utils import timezone
+
+from accounts.models import User
+from experiments.models import Participant, PersonalLink, Study, StudyMember
+from experiments.participation import links, own_data
+from sessions.models import Session
+from surveys.models import Response
+from tests.support import participants as p
+from tests.support.html_page import faults, read
+from tests.support.people import PASSWORD, person
+from tests.support.study_walk import Walker
+
+pytestmark = pytest.mark.django_db
+FRONT = "/studies/exploration/"
+
+
+@pytest.fixture
+def study():
+    return p.published(p.of("exploration"))
+
+
+def signed_in(client, username="ada", **more):
+    user = person(username, **more)
+    client.force_login(user)
+    return user
+
+
+def buttons(page) -> list[str]:
+    main = page.all("main")[0]
+    return [e.text.strip() for e in page.elements if "button" in e.attributes.get("class", "").split() and e.text.strip() in main.text]
+
+
+# --- the front page --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("language", ["en", "es"])
+def test_a_stranger_reads_what_the_study_is_and_signs_up_on_the_way(client, study, language):
+    page = read(client.get(FRONT, headers={"accept-language": language}))
+    assert faults(page) == []
+    assert {"en": "Explore an office with a robot", "es": "Explora una oficina con un robot"}[language] in page.text
+    assert {"en": "At most 15 minutes of driving", "es": "Como mucho 15 minutos"}[language] in page.text
+    link = next(e.attributes["href"] for e in page.all("a") if "signup" in e.attributes.get("href", "") and "button--action" in e.attributes["class"])
+    made = client.post(link, {"username": "ada", "password1": PASSWORD, "next": FRONT})
+    assert made.url == FRONT
+    assert buttons(read(client.get(FRONT))) == ["Take part"] if language == "en" else ["Participar"]
+
+
+def test_parameters_of_the_recruiting_site_survive_the_sign_up_and_are_kept_within_bounds(client, study):
+    client.get(FRONT, {"PROLIFIC_PID": "5f", "STUDY_ID": "s" * 300, **{f"x{n}": "1" for n in range(20)}})
+    client.post(reverse("account_signup"), {"username": "ada", "password1": PASSWORD, "next": FRONT})
+    assert client.post(FRONT).url == FRONT + "step/"
+    kept = Participant.objects.get().recruitment
+    assert kept["PROLIFIC_PID"] == "5f"
+    assert len(kept) == 10
+    assert len(kept["STUDY_ID"]) == 100
+
+
+def test_taking_part_twice_makes_one_participant(client, study):
+    signed_in(client)
+    for _ in range(2):
+        assert client.post(FRONT).url == FRONT + "step/"
+    assert Participant.objects.count() == 1
+    assert buttons(read(client.get(FRONT))) == ["Go on where you were"]
+
+
+def test_a_post_by_a_stranger_leads_to_the_sign_up(client, study):
+    assert client.post(FRONT).url.startswith("/accounts/signup/?next=%2Fstudies%2F")
+    assert not Participant.objects.exists()
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"status": "closed"}, "This study is over"),
+        ({"entry": "personal"}, "By invitation"),
+        ({"definition": {"allocation": {"design": "between", "quota": 1}}}, "Enough people are taking part"),
+        ({"hours": True}, "Closed at the moment"),
+    ],
+)
+def test_a_study_that_takes_nobody_now_says_why_and_takes_nobody(client, study, fields, words):
+    signed_in(client)
+    if "definition" in fields:
+        fields = {"definition": study.definition | fields["definition"]}
+        for n, condition in enumerate(("giraff_open", "giraff_lab_closed", "giraff_lounge_closed")):
+            p.assign(p.comer(study, person(f"p{n}")), condition)
+    if "hours" in fields:
+        fields = {"opening_hours": [{"days": [(timezone.now().weekday() + 2) % 7], "start": "09:00", "end": "10:00"}], "time_zone": "Europe/Madrid"}
+    Study.objects.update(**fields)
+    before = Participant.objects.count()
+    page = read(client.get(FRONT))
+    assert faults(page) == []
+    assert words in page.text
+    assert client.post(FRONT).url == FRONT
+    assert Participant.objects.count() == before
+
+
+def test_the_hours_are_read_as_days_of_the_week(client, study):
+    hours = [{"days": [0, 1, 2, 4], "start": "09:00", "end": "17:00"}, {"days": [0, 1, 2, 3, 4, 5, 6], "start": "20:00", "end": "22:00"}]
+    Study.objects.update(opening_hours=hours, time_zone="Europe/Madrid")
+    text = read(client.get(FRONT)).text
+    assert "Mon–Wed, Fri, 09:00–17:00" in text
+    assert "every day, 20:00–22:00" in text
+    assert "Europe/Madrid" in text
+
+
+def test_a_draft_is_shown_to_its_researchers_clearly_marked_and_they_take_part_as_pilots(client):
+    draft = p.publishing.store(p.of("exploration"), timezone.now())
+    assert client.get(FRONT).status_code == 404
+    user = signed_in(client)
+    assert client.get(FRONT).status_code == 404
+    StudyMember.objects.create(slug=draft.slug, user=user, role="researcher")
+    page = read(client.get(FRONT))
+    assert faults(page) == []
+    assert "This is a draft" in page.text
+    client.post(FRONT)
+    assert Participant.objects.get().kind == "pilot"
+    assert "This is a draft" in read(client.get(FRONT + "step/")).text
+
+
+def test_the_home_page_leads_to_open_studies_and_to_no_others(client, study):
+    p.publishing.store(p.of("assistance"), timezone.now())
+    page = read(client.get("/"))
+    assert faults(page) == []
+    hrefs = [e.attributes.get("href") for e in page.all("a")]
+    assert FRONT in hrefs
+    assert "/studies/assistance/" not in hrefs
+    Study.objects.update(entry="personal")
+    assert FRONT not in [e.attributes.get("href") for e in read(client.get("/")).all("a")]
+
+
+# --- personal links --------------------------------------------------------------------------------------------------
+
+
+def path_of(token: str) -> str:
+    return reverse("study_link", args=[token])
+
+
+def test_reading_a_personal_link_uses_nothing_up_and_pressing_the_button_does(client, study):
+    _row, token = links.make(study, now=timezone.now())
+    page = read(client.get(path_of(token)))
+    assert faults(page) == []
+    assert "Sign up and take part" in page.text
+    assert client.post(path_of(token)).url.startswith("/accounts/signup/")
+    user = signed_in(client)
+    assert "Accept the invitation" in read(client.get(path_of(token))).text
+    assert PersonalLink.objects.get().redeemed_at is None
+    assert client.post(path_of(token)).url == FRONT + "step/"
+    participant = Participant.objects.get()
+    assert (participant.user, participant.access, PersonalLink.objects.get().participant) == (user, "invitation", participant)
+    assert client.post(path_of(token)).url == FRONT + "step/", "the same person may press it again"
+    assert Participant.objects.count() == 1
+
+
+def test_a_used_link_takes_nobody_else(client, study):
+    _row, token = links.make(study, now=timezone.now())
+    links.redeem(token, person("first"), language="en", now=timezone.now())
+    signed_in(client, "second")
+    for response in (client.get(path_of(token)), client.post(path_of(token))):
+        assert response.status_code == 410
+        page = read(response)
+        assert faults(page) == []
+        assert "It was used already" in page.text
+    assert Participant.objects.count() == 1
+
+
+def test_of_two_who_press_at_once_the_second_is_refused_and_leaves_nothing(study, monkeypatch):
+    _row, token = links.make(study, now=timezone.now())
+    first, second = person("first"), person("second")
+    held = links.find(token, second, timezone.now())
+    links.redeem(token, first, language="en", now=timezone.now())
+    monkeypatch.setattr(links, "find", lambda *_: held)
+    with pytest.raises(links.LinkError) as refused:
+        links.redeem(token, second, language="en", now=timezone.now())
+    assert refused.value.reason == "used"
+    assert [row.user for row in Participant.objects.all()] == [first]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"expires_at": p.later(-60)}, "Its time is over"),
+        ({"revoked_at": p.later(-60)}, "It was taken back"),
+        ({"token_sha256": "0" * 64}, "There is no such invitation"),
+    ],
+)
+def test_a_link_that_does_not_hold_says_why(client, study, change, words):
+    _row, token = links.make(study, now=timezone.now())
+    PersonalLink.objects.update(**change)
+    signed_in(client)
+    response = client.post(path_of(token))
+    assert response.status_code == 410
+    assert words in read(response).text
+    assert not Participant.objects.exists()
+
+
+@pytest.mark.parametrize(("status", "words"), [("closed", "it takes nobody new"), ("draft", "has not begun yet")])
+def test_a_link_to_a_study_that_is_not_running_takes_nobody(client, study, status, words):
+    _row, token = links.make(study, now=timezone.now())
+    Study.objects.update(status=status)
+    signed_in(client)
+    response = client.post(path_of(token))
+    assert words in read(response).text
+    assert not Participant.objects.exists()
+
+
+def test_a_bots_link_makes_a_bot_also_of_a_draft_and_it_may_come_again(client, study):
+    Study.objects.update(status="draft")
+    _row, token = links.make(study, access="open", kind="bot", now=timezone.now())
+    signed_in(client)
+    assert client.post(path_of(token)).url == FRONT + "step/"
+    assert (Participant.objects.get().kind, Participant.objects.get().access) == ("bot", "open")
+    Participant.objects.update(status="finished", step="thanks")
+    assert client.post(FRONT).url == FRONT + "step/"
+    assert Participant.objects.get().visit == 2
+
+
+def test_a_revoked_link_stays_unused_and_a_used_one_cannot_be_revoked(study):
+    now = timezone.now()
+    first, _ = links.make(study, now=now)
+    assert links.revoke(first, now)
+    assert not links.revoke(first, now)
+    second, token = links.make(study, now=now)
+    links.redeem(token, person(), language="en", now=now)
+    assert not links.revoke(second, now)
+
+
+# --- own data --------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def walker(study):
+    found = Walker(study, person(email="ada@example.org"), p.site())
+    found.come()
+    while found.participant.step != "experience":
+        found.do()
+    return found
+
+
+def test_everything_that_is_kept_can_be_downloaded(walker):
+    answer = walker.client.get(reverse("own_data_download"))
+    assert "attachment" in answer["Content-Disposition"]
+    told = json.loads(answer.content)
+    assert told["account"]["email"] == "ada@example.org"
+    assert told["studies"][0]["consents"][0]["text"].startswith("You will drive a real robot")
+    assert [one["questionnaire"] for one in told["questionnaires"]] == ["ict", "experience"]
+    assert told["drives"][0]["outcome"] == "completed"
+    assert [one["step"] for one in told["studies"][0]["steps"]] == ["consent", "about_you", "instructions", "task", "experience"]
+
+
+def test_the_page_of_ones_own_data_is_sound_and_leads_to_everything(walker):
+    page = read(walker.client.get(reverse("own_data")))
+    assert faults(page) == []
+    assert {"Download the receipt", "To the study", "Stop taking part", "Download my data"} <= set(buttons(page))
+    assert reverse("own_data") in [e.attributes.get("href") for e in read(walker.client.get(reverse("profile"))).all("a")]
+
+
+def test_who_withdraws_leaves_the_day_the_step_and_the_cell_and_nothing_else(walker):
+    code, cell = walker.participant.code, walker.participant.cell
+    ask = walker.client.get(reverse("study_withdraw", args=[code]))
+    assert faults(read(ask)) == []
+    assert Participant.objects.get().status == "active", "asking does nothing"
+    before = timezone.now().date()
+    assert "are deleted" in read(walker.client.post(reverse("study_withdraw", args=[code]))).text
+    row = Participant.objects.get()
+    assert (row.status, row.withdrawn_step, row.cell, row.stage) == ("withdrawn", "experience", cell, "filled")
+    assert row.withdrawn_at in {before, timezone.now().date()}, "midnight may have passed"
+    assert (row.user, row.age, row.recruitment, row.completion_code) == (None, None, {}, "")
+    assert (Session.objects.count(), Response.objects.count(), row.drives.count(), row.consents.count()) == (0, 0, 0, 0)
+    assert walker.client.get(walker.url()).url == walker.url("study")
+    assert walker.client.get(reverse("study_withdraw", args=[code])).status_code == 404
+    own_data.withdraw(row, p.later(86400))
+    assert Participant.objects.get().withdrawn_at == row.withdrawn_at
+
+
+def test_who_withdraws_before_moving_the_robot_gives_the_place_back(study):
+    participant = p.assign(p.comer(study, person()), "giraff_open")
+    own_data.withdraw(participant, timezone.now())
+    assert (participant.stage, participant.cell) == ("freed", "giraff_open")
+
+
+def test_a_drive_that_lives_is_ended_by_withdrawing_and_deleted_once_everybody_was_told(study):
+    robot = p.site()
+    participant = p.assign(p.comer(study, person()), "giraff_open")
+    drive = p.drive_of(robot, participant, moved=True)
+    own_data.withdraw(participant, timezone.now())
+    session = Session.objects.get()
+    assert (session.state, session.outcome, session.outcome_reason) == ("ended", "cancelled", "withdrawn")
+    assert participant.stage == "filled"
+    own_data.clear_settled(now=timezone.now())
+    assert Session.objects.count() == 1, "the session manager has not told it yet"
+    Session.objects.update(closed_at=timezone.now())
+    own_data.clear_settled(now=timezone.now())
+    assert Session.objects.count() == 1, "it is still being settled"
+    type(drive).objects.update(settled_at=timezone.now())
+    own_data.clear_settled(now=timezone.now())
+    assert not Session.objects.exists()
+    assert not type(drive).objects.exists()
+
+
+def test_drives_of_those_who_take_part_are_never_cleared(study):
+    p.drive_of(p.site(), p.assign(p.comer(study, person()), "giraff_open"), outcome="completed", moved=True)
+    own_data.clear_settled(now=timezone.now())
+    assert Session.objects.count() == 1
+
+
+def test_other_drives_and_studies_of_somebody_who_withdraws_stay(walker):
+    p.session_of(walker.robot, walker.participant, outcome="completed", moved=True)
+    other = p.comer(p.published(p.of("assistance")), walker.user)
+    own_data.withdraw(walker.participant, timezone.now())
+    assert Session.objects.count() == 1
+    other.refresh_from_db()
+    assert (other.status, other.user) == ("active", walker.user)
+
+
+def test_an_account_is_deleted_only_when_its_name_is_typed(walker):
+    url = reverse("own_data_delete")
+    walker.client.post(url, {"username": "bob"})
+    assert User.objects.count() == 1
+    assert walker.client.post(url, {"username": "ada"}, follow=True).status_code == 200
+    assert not User.objects.exists()
+    assert (Participant.objects.get().status, Session.objects.count(), Response.objects.count()) == ("withdrawn", 0, 0)
+    assert walker.client.get(reverse("profile")).status_code == 302
+
+
+def test_an_account_is_not_deleted_from_under_a_drive_nor_that_of_somebody_who_runs_the_site(walker, client):
+    session = p.session_of(walker.robot, walker.participant)
+    page = read(walker.client.post(reverse("own_data_delete"), {"username": "ada"}, follow=True))
+    assert "leave it first" in page.text
+    assert faults(page) == []
+    session.delete()
+    User.objects.update(is_staff=True)
+    assert "another administrator" in read(walker.client.post(reverse("own_data_delete"), {"username": "ada"}, follow=True)).text
+    assert User.objects.count() == 1
+
+
+@pytest.mark.parametrize("name", ["own_data", "own_data_download"])
+def test_own_data_is_for_who_is_signed_in(client, name):
+    assert client.get(reverse(name)).url.startswith("/accounts/login/")
+
+
+def test_nothing_is_deleted_by_a_get(walker):
+    assert walker.client.get(reverse("own_data_delete")).status_code == 405

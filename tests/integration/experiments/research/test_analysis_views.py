@@ -1,0 +1,199 @@
+"""The analysis page: for members, of what is in the database now, with the sessions behind everything that it shows."""
+
+import io
+import re
+import zipfile
+
+import numpy as np
+import pytest
+from django.test import AsyncClient
+from django.urls import reverse
+
+from experiments.analysis.page import write_page
+from experiments.analysis.report import analyse
+from experiments.dataset.build import dataset_of
+from experiments.dataset.pseudonyms import Pseudonyms
+from experiments.models import Drive, Participant, StudyMember
+from experiments.research import analysis_cache
+from sessions.models import SystemLog
+from tests.support.people import person
+from tests.support.study_dataset import made_up
+from tests.support.study_rows import put
+
+pytestmark = pytest.mark.django_db
+PAGE = "/studies/exploration/analysis/"
+
+
+def computed(study, kinds=("participant",)):
+    """The report on a study, made here: a process of its own does not see what a test has not committed."""
+    key = analysis_cache.key_of(study, kinds)
+    folder = analysis_cache.home(study) / key
+    analyse(dataset_of(study), folder, kinds, write_page)
+    return analysis_cache.Stored(key, folder)
+
+
+@pytest.fixture
+def stored(settings, tmp_path, monkeypatch):
+    """A study; its figures are not drawn as PDF, which takes most of the time and no page shows."""
+    settings.VAR_DIR = tmp_path
+    monkeypatch.setattr("experiments.analysis.report.as_pdf", lambda _: b"%PDF-1.7")
+    return put(made_up(np.random.default_rng(91), 4))
+
+
+@pytest.fixture
+def member(stored, client):
+    """A viewer of the study, signed in."""
+    user = person("vera")
+    StudyMember.objects.create(slug=stored.study.slug, user=user, role="viewer")
+    client.force_login(user)
+    return user
+
+
+@pytest.mark.parametrize("address", ["", "tables/table-5/", "sessions/0/", "files/tables/table-5.csv", "dataset.zip"])
+def test_for_whoever_is_no_member_nothing_is_there(stored, client, address):
+    assert client.get(PAGE + address).status_code == 404
+    client.force_login(person("somebody", is_staff=True))
+    assert client.get(PAGE + address).status_code == 404
+
+
+def test_the_page_has_every_table_and_figure_and_says_when_it_was_computed(stored, member, client):
+    report = computed(stored.study)
+    html = client.get(PAGE).content.decode()
+    summary = report.read("all", "summary")
+    for one in (*summary["tables"], *summary["figures"]):
+        assert f'id="{one["name"]}"' in html
+    assert "Computed on" in html
+    assert "not the study" not in html
+    assert html.count("<svg") >= 4
+    assert not re.search(r"<svg[^>]*>.*?style=", html, re.DOTALL)
+
+
+def test_every_number_and_every_part_of_a_figure_leads_to_its_sessions_and_they_to_their_replay(stored, member, client):
+    computed(stored.study)
+    html = client.get(PAGE).content.decode()
+    links = sorted(set(re.findall(r'href="(/studies/exploration/analysis/sessions/\d+/[^"]*)"', html)))
+    assert len(links) > 20
+    drawn = html[html.index('id="figure-7"') : html.index("</svg>", html.index('id="figure-7"'))]
+    assert drawn.count("/analysis/sessions/") == drawn.count('id="figure-7-session-')
+    keys = {Pseudonyms(stored.study.secret).session(drive.session_id): str(drive.session_id) for drive in stored.drives.values()}
+    for link in links[:6]:
+        shown = client.get(link.replace("&amp;", "&"))
+        assert shown.status_code == 200
+        codes = re.findall(r'<th scope="row">(\w+)</th>', shown.content.decode())
+        assert codes
+        assert all(reverse("replay", args=[keys[code]]) + "?t=" in shown.content.decode() for code in codes)
+
+
+def test_the_mean_in_table_5_leads_to_the_sessions_whose_answers_count(stored, member, client):
+    report = computed(stored.study)
+    (row,) = (row for row in report.read("all", "table-table-5") if row[0][0] == "Overall")
+    number = row[-4][1]
+    expected = report.read("all", "sets")[number]
+    assert len(expected) == len({one.participant_id for one in stored.drives.values()})
+    shown = client.get(f"{PAGE}sessions/{number}/?report={report.key}").content.decode()
+    assert set(re.findall(r'<th scope="row">(\w+)</th>', shown)) == set(expected)
+
+
+def test_pilots_and_bots_are_clearly_marked(stored, member, client):
+    Participant.objects.filter(code="P000").update(kind="bot")
+    computed(stored.study, ("bot",))
+    html = client.get(PAGE, {"kind": "bot"}).content.decode()
+    assert "These are not the study&#x27;s results" in html or "These are not the study's results" in html
+    assert 'class="tag analysis__kind">bot' in html
+
+
+def test_excluded_sessions_can_be_left_out(stored, member, client):
+    drive = next(iter(stored.drives.values()))
+    Drive.objects.filter(pk=drive.pk).update(excluded_reason="a test drive")
+    computed(stored.study)
+    assert "Without excluded sessions" in client.get(PAGE).content.decode()
+    every, without = (client.get(PAGE, {"selection": name}).content.decode() for name in ("all", "without-excluded"))
+    code = Pseudonyms(stored.study.secret).session(drive.session_id)
+    assert f"figure-7-session-{code}" in every
+    assert f"figure-7-session-{code}" not in without
+
+
+def test_what_changes_in_the_database_makes_the_report_another_one(stored):
+    before = analysis_cache.key_of(stored.study, ("participant",))
+    assert before == analysis_cache.key_of(stored.study, ("participant",))
+    assert before != analysis_cache.key_of(stored.study, ("bot",))
+    Drive.objects.filter(pk=next(iter(stored.drives.values())).pk).update(excluded_reason="a test drive")
+    assert before != analysis_cache.key_of(stored.study, ("participant",))
+
+
+def test_files_are_those_of_the_report_and_nothing_else_can_be_fetched(stored, member, client):
+    report = computed(stored.study)
+    for kind, name in (("tables", "table-5.csv"), ("tables", "table-5.tex"), ("figures", "figure-8a.pdf"), ("figures", "figure-7.svg")):
+        answer = client.get(f"{PAGE}files/{kind}/{name}", {"report": report.key})
+        assert b"".join(answer.streaming_content) == (report.folder / "all" / kind / name).read_bytes()
+    for wrong in ("files/page/sets.json", "files/tables/nothing.csv", "files/tables/..%2F..%2F..%2Fsettings.csv", "files/figures/sources.json"):
+        assert client.get(PAGE + wrong, {"report": report.key}).status_code == 404
+    assert client.get(f"{PAGE}files/tables/table-5.csv", {"report": "../../etc"}).status_code == 404
+
+
+def test_a_long_table_comes_some_rows_at_a_time(stored, member, client, monkeypatch):
+    monkeypatch.setattr("experiments.research.analysis_views.ROWS_A_PAGE", 3)
+    monkeypatch.setattr("experiments.research.analysis_views.SHORT", 3)
+    report = computed(stored.study)
+    assert "Open the table of" in client.get(PAGE).content.decode()
+    first = client.get(f"{PAGE}tables/sessions/").content.decode()
+    assert first.count("<tr>") == 1 + 3
+    assert "Page 1 of" in first
+    assert client.get(f"{PAGE}tables/sessions/?page=2").content.decode() != first
+    assert client.get(f"{PAGE}tables/nothing/").status_code == 404
+    assert client.get(f"{PAGE}sessions/{len(report.read('all', 'sets'))}/").status_code == 404
+
+
+@pytest.mark.parametrize("query", ["version=7", "version=x", "version=99999999999"])
+def test_a_version_that_is_not_there_is_not_found(stored, member, client, query):
+    assert client.get(f"{PAGE}?{query}").status_code == 404
+
+
+def test_of_a_study_that_nobody_took_part_in_the_page_says_so(member, client, stored):
+    Drive.objects.all().delete()
+    Participant.objects.all().delete()
+    computed(stored.study)
+    assert "Nobody has driven yet" in client.get(PAGE).content.decode()
+
+
+def test_one_version_has_an_address_of_its_own(stored, member, client):
+    assert client.get(reverse("study_analysis", args=[stored.study.pk])).url == f"{PAGE}?version=1"
+
+
+def test_a_viewer_gets_neither_words_nor_photos_nor_names(stored, member, client):
+    for chosen in ("free_text", "snapshots", "identified"):
+        assert client.get(f"{PAGE}dataset.zip", {chosen: "1"}).status_code == 404
+    StudyMember.objects.filter(user=member).update(role="researcher")
+    assert client.get(f"{PAGE}dataset.zip", {"identified": "1"}).status_code == 404
+    assert not SystemLog.objects.filter(event="study_exported").exists()
+
+
+@pytest.mark.django_db(transaction=True)
+def test_what_is_not_computed_yet_is_computed_by_a_process_of_its_own_once(stored, member, client):
+    html = client.get(PAGE).content.decode()
+    assert 'id="figure-8b"' in html
+    (folder,) = (path for path in analysis_cache.home(stored.study).iterdir() if path.is_dir())
+    made = (folder / "SHA256SUMS").stat().st_mtime_ns
+    assert client.get(PAGE).status_code == 200
+    assert (folder / "SHA256SUMS").stat().st_mtime_ns == made
+
+
+def test_a_computation_that_fails_says_why(stored, member, client, monkeypatch):
+    monkeypatch.setattr(analysis_cache, "command", lambda *_: ["sh", "-c", "echo the disk is full >&2; exit 3"])
+    answer = client.get(PAGE)
+    assert answer.status_code == 503
+    assert "the disk is full" in answer.content.decode()
+    assert list(analysis_cache.home(stored.study).iterdir()) == []
+
+
+@pytest.mark.django_db(transaction=True)
+async def test_the_dataset_is_sent_as_it_is_made_and_it_is_written_down_who_took_it(stored, member):
+    client = AsyncClient()
+    await client.aforce_login(member)
+    answer = await client.get(f"{PAGE}dataset.zip")
+    content = b"".join([part async for part in answer.streaming_content])
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        assert archive.testzip() is None
+        assert {"study.json", "SHA256SUMS", "data/description-metrics_data.csv"} <= set(archive.namelist())
+    log = await SystemLog.objects.aget(event="study_exported")
+    assert (log.fields["user"], log.fields["chosen"]) == (str(member.pk), [])

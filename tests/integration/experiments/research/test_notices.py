@@ -1,0 +1,79 @@
+"""Researchers are told when a robot of their study cannot go on."""
+
+import pytest
+from django.core import mail
+from django.utils import timezone
+
+from experiments.models import StudyMember
+from experiments.tasks import signal_handlers
+from robots.api import messages as m
+from robots.models import Robot
+from sessions import signals
+from sessions.manager.return_to_dock import Homecoming
+from sessions.manager.robot_liveness import Heard
+from sessions.models import Session, SystemLog
+from tests.support import participants as p
+from tests.support import words
+from tests.support.people import person
+from tests.support.studies import small_study
+from tests.support.task_session import cabin_robot
+
+pytestmark = pytest.mark.django_db
+NOW = timezone.now()
+
+
+@pytest.fixture
+def study():
+    cabin_robot()
+    study = p.published(small_study())
+    for name, role in (("olga", "owner"), ("rita", "researcher"), ("vera", "viewer")):
+        StudyMember.objects.create(slug=study.slug, user=person(name, email=f"{name}@example.org"), role=role)
+    return study
+
+
+def pauses(homecoming: Homecoming, seq: int) -> None:
+    """The robot's emergency stop is on while it should go home."""
+    Robot.objects.update(turnaround="returning", turnaround_reason="dock")
+    heard = Heard()
+    heard.take(words.state(seq, safety=m.Safety(estop=True)), NOW.timestamp())
+    homecoming.look({"giraff": heard}, NOW)
+
+
+def test_owners_and_researchers_are_told_once_a_pause_and_the_reason_is_in_the_log(study):
+    homecoming = Homecoming()
+    pauses(homecoming, 1)
+    Robot.objects.update(turnaround="paused")
+    homecoming.look({}, NOW)
+    homecoming.look({}, NOW)
+    assert [(message.bcc, message.to) for message in mail.outbox] == [(["olga@example.org", "rita@example.org"], [])]
+    assert "its emergency stop is on" in mail.outbox[0].body
+    assert "Giraff" in mail.outbox[0].subject
+    assert SystemLog.objects.get(event="queue_paused").fields == {"reason": "estop"}
+    pauses(homecoming, 2)
+    assert len(mail.outbox) == 2
+
+
+def test_studies_that_are_not_open_or_drive_another_robot_are_not_told(study):
+    study.status = "closed"
+    study.save()
+    pauses(Homecoming(), 1)
+    study.status = "published"
+    study.save()
+    Robot.objects.update(factsheet={"series": "rhodon", "capabilities": ["dock"]})
+    pauses(Homecoming(), 2)
+    assert mail.outbox == []
+
+
+def test_a_mail_server_that_is_away_stops_nobody(study, settings, caplog):
+    settings.EMAIL_BACKEND = "django.core.mail.backends.smtp.EmailBackend"
+    settings.EMAIL_HOST, settings.EMAIL_PORT = "127.0.0.1", 1
+    pauses(Homecoming(), 1)
+    assert Robot.objects.get().turnaround == "paused"
+    assert any(record.message.startswith("staff_not_told") for record in caplog.records)
+
+
+def test_everything_listens_once_however_often_it_is_connected():
+    before = len(signals.state_received.receivers)
+    signal_handlers.connect()
+    assert len(signals.state_received.receivers) == before
+    assert signals.message_received.has_listeners(Session)

@@ -1,0 +1,162 @@
+"""The replay of a session: what it is made of, and who may see it."""
+
+import gzip
+import json
+import uuid
+
+import pytest
+from django.contrib.auth.models import Permission
+from django.urls import reverse
+
+from experiments.models import Participant, StudyMember
+from experiments.research.replay import in_words, replay
+from sessions.models import NetworkSample, StateChunk
+from tests.support import replays
+from tests.support.people import person
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture
+def drive():
+    """A minute that was driven in a study."""
+    ada = person("ada", display_name="Ada L.")  # a name of three hexadecimal digits might stand in an address by chance
+    visit = replays.session(replays.cabin_robot(), ada, seconds=60)
+    replays.record(visit)
+    return replays.drive(replays.participant(replays.study(), visit.visitor), visit)
+
+
+def member(role: str, slug: str = "cabin-study"):
+    user = person(f"{role}-{slug}")
+    StudyMember.objects.create(slug=slug, user=user, role=role)
+    return user
+
+
+def data_of(client, visit, **headers):
+    return client.get(reverse("replay_data", args=[visit.pk]), headers=headers)
+
+
+def test_states_stand_at_the_seconds_after_the_grant_by_the_servers_clock(drive):
+    record = replay(drive.session, drive)
+    assert record["duration"] == 60.0
+    states = record["states"]
+    assert len(states["t"]) == 240
+    assert states["t"][:3] == [0.0, 0.25, 0.5]
+    x, y, theta = replays.place(30.0)
+    assert (states["x"][120], states["y"][120], states["theta"][120]) == pytest.approx((x, y, theta), abs=1e-3)
+
+
+def test_states_that_were_sent_again_later_stand_in_their_place(drive):
+    late = StateChunk.objects.order_by("first_seq")[10]
+    StateChunk.objects.filter(pk=late.pk).update(received_at=late.received_at + 500.0)
+    times = replay(drive.session, drive)["states"]["t"]
+    assert times == sorted(times)
+    assert len(times) == 240
+
+
+def test_commands_stand_one_after_the_other_before_their_state(drive):
+    StateChunk.objects.all().delete()
+    replays.record(drive.session, seconds=2, applied=5)
+    record = replay(drive.session, drive)
+    commands = record["commands"]
+    assert len(commands["t"]) == 40
+    assert commands["t"][5:10] == pytest.approx([0.05, 0.10, 0.15, 0.20, 0.25], abs=2e-3)
+    assert [record["words"][commands[name][0]] for name in ("method", "way")] == ["keyboard", "datachannel"]
+
+
+def test_events_of_everybody_are_in_one_order_of_time(drive):
+    replays.told(drive.session, 20.0, "collision")
+    replays.told(drive.session, 10.0, "map", source="page", open=True)
+    replays.told(drive.session, -300.0, "offered", source="server")
+    replays.task_told(drive, 15.0, "checkpoint", number=1, pose={"x": 1.0, "y": 2.0, "theta": 0.0})
+    events = replay(drive.session, drive)["events"]
+    assert [(event[0], event[1], event[2]) for event in events] == [
+        (0.0, "server", "offered"), (10.0, "page", "map"), (15.0, "task", "checkpoint"), (20.0, "robot", "collision"),
+    ]  # fmt: skip
+    assert events[2][3] == "number 1"
+
+
+def test_what_is_not_known_of_the_network_stays_unknown(drive):
+    NetworkSample.objects.filter(session=drive.session).update(data={"way": "mqtt", "roundTrip": None})
+    network = replay(drive.session, drive)["network"]
+    assert network["roundTrip"] == [None] * 60
+    assert network["loss"] == [None] * 60
+
+
+def test_an_empty_session_has_an_empty_record():
+    visit = replays.session(replays.cabin_robot(), person("ada"), seconds=0, granted_at=None)
+    record = replay(visit, None)
+    assert record["duration"] == 0.0
+    assert all(column == [] for name in ("states", "commands", "network") for column in record[name].values())
+
+
+def test_data_are_told_in_one_short_line():
+    assert in_words({"name": "door", "pose": {"x": 1.0}, "facing": {"bearing": 0.123456, "sees": True}}) == "door · facing bearing 0.123, sees True"
+    assert len(in_words({"text": "x" * 500})) == 160
+
+
+# --- who may see it --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("role", ["owner", "researcher", "viewer"])
+def test_researchers_of_the_study_see_it(client, drive, role):
+    client.force_login(member(role))
+    assert client.get(reverse("replay", args=[drive.session_id])).status_code == 200
+    assert len(data_of(client, drive.session).json()["states"]["t"]) == 240
+
+
+def test_others_find_nothing(client, drive):
+    addresses = [reverse("replay", args=[drive.session_id]), reverse("replay_data", args=[drive.session_id])]
+    for user in (None, drive.participant.user, member("owner", "another-study"), person("staff", is_staff=True)):
+        if user is not None:
+            client.force_login(user)
+        assert [client.get(address).status_code for address in addresses] == [404, 404]
+
+
+def test_staff_who_may_see_sessions_see_one_without_a_study(client):
+    visit = replays.session(replays.cabin_robot(), person("ada"), seconds=1)
+    staff = person("staff", is_staff=True)
+    staff.user_permissions.add(Permission.objects.get(codename="view_session", content_type__app_label="telepresence_sessions"))
+    client.force_login(staff)
+    assert client.get(reverse("replay", args=[visit.pk])).status_code == 200
+    assert data_of(client, visit).json()["states"]["t"] == []
+
+
+def test_a_session_that_does_not_exist_is_not_found(client, admin_client):
+    assert admin_client.get(reverse("replay", args=[uuid.uuid4()])).status_code == 404
+    assert admin_client.get("/studies/replay/not-an-id/").status_code == 404
+
+
+def test_the_drive_of_who_has_withdrawn_is_gone_for_researchers(client, drive):
+    Participant.objects.update(status="withdrawn")
+    client.force_login(member("owner"))
+    assert client.get(reverse("replay", args=[drive.session_id])).status_code == 404
+
+
+def test_viewers_see_no_photos_and_nobody_sees_a_visitors_name_in_a_study(client, drive):
+    snapshot = replays.photo(drive.session, 30.0)
+    address = reverse("replay_photo", args=[drive.session_id, snapshot.pk])
+    client.force_login(member("viewer"))
+    assert client.get(address).status_code == 404
+    assert address.encode() not in client.get(reverse("replay", args=[drive.session_id])).content
+    client.force_login(member("researcher"))
+    page = client.get(reverse("replay", args=[drive.session_id])).content.decode()
+    assert address in page
+    assert '"t": 30.0' in page
+    assert drive.participant.code in page
+    assert drive.session.visitor.shown_name not in page
+    assert client.get(address).content == b"\xff\xd8jpeg"
+
+
+def test_a_photo_of_another_session_is_not_given_out(client, drive):
+    other = replays.session(drive.session.robot, person("bob"), seconds=1)
+    snapshot = replays.photo(other, 0.0)
+    client.force_login(member("owner"))
+    assert client.get(reverse("replay_photo", args=[drive.session_id, snapshot.pk])).status_code == 404
+
+
+def test_the_record_travels_compressed(client, drive):
+    client.force_login(member("viewer"))
+    response = data_of(client, drive.session, **{"Accept-Encoding": "gzip"})
+    assert response["Content-Encoding"] == "gzip"
+    assert json.loads(gzip.decompress(response.content))["duration"] == 60.0

@@ -1,0 +1,292 @@
+"""Living drives: what the page is shown, when the session ends, and that a runner that is killed is missed by nobody."""
+
+import datetime
+from contextlib import suppress
+
+import msgspec
+import pytest
+from django.db import OperationalError
+from django.db.models import QuerySet
+from django.utils import timezone
+
+from experiments.models import Drive, TaskEvent
+from experiments.tasks.finalization import settle
+from experiments.tasks.records import FirstFrame, PhotoAnswer, PhotoFailed, PhotoTaken, Record, Seen
+from experiments.tasks.runner import PATIENCE, Runner
+from robots.api import messages as m
+from robots.models import Robot
+from sessions import protocol
+from sessions.consumers import relay
+from sessions.leases import store
+from sessions.manager import notices
+from sessions.models import Session
+from tests.support import task_drives
+from tests.support.studies import STUDY
+from tests.support.task_drives import BACK, FIRST, THERE
+from tests.support.task_session import AHEAD, begin, cabin_robot, close, message_of, say, state_of, write
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture
+def robot():
+    list(notices.drain())
+    yield cabin_robot()
+    list(notices.drain())
+
+
+def shown() -> list[protocol.Task]:
+    """What the page was told since the last call, as its frames."""
+    return [frame(payload) for _, payload in notices.drain()]
+
+
+def frame(payload: bytes) -> protocol.Task:
+    told = relay.told(msgspec.json.decode(payload, type=m.ServerNews), 60.0)
+    assert told is not None
+    assert told[0] == "session/task"
+    return told[1]
+
+
+def at(seconds: float) -> datetime.datetime:
+    return datetime.datetime.fromtimestamp(seconds, datetime.UTC)
+
+
+def way(start: float) -> task_drives.Drive:
+    drive = task_drives.Drive(at=start, frame=False)
+    return drive.say(FirstFrame(drive.at, repr(drive.at - 3600.0)))
+
+
+def hear(runner: Runner, drive: Drive, records: list[Record], **more) -> None:
+    for record in records:
+        say(runner, drive, record, **more)
+
+
+def whole(start: float) -> list[Record]:
+    drive = way(start).go(*THERE)
+    drive.say(PhotoFailed(drive.at, "a1")).see()
+    drive.say(PhotoTaken(drive.at, "a2")).see()
+    drive.say(PhotoAnswer(drive.at, repr(drive.at), "keep")).see()
+    return drive.go(*BACK).dock().records
+
+
+def test_the_page_is_shown_how_the_task_goes_and_docking_ends_the_session(robot):
+    drive, runner = begin(robot), Runner()
+    records = whole(timezone.now().timestamp())
+    hear(runner, drive, records)
+    frames = shown()
+    assert [frames[0].cue, frames[-1].cue] == ["wait_for_picture", "completed"]
+    assert "photo_review" in [one.cue for one in frames]
+    assert [one.photo for one in frames if one.window == "review"] == ["a2"]
+    assert (frames[-1].passed, frames[-1].outcome, frames[-1].doors) == ((1, 2), "completed", ("door",))
+    assert any((one.cue, one.number, one.x, one.y) == ("go_to_checkpoint", 1, *FIRST) for one in frames)
+    session = Session.objects.get()
+    assert (session.state, session.outcome, session.outcome_reason) == ("ended", "completed", "task")
+    assert Drive.objects.get().shown["outcome"] == "completed"
+    assert Drive.objects.get().clock_offset == AHEAD
+
+
+def test_what_is_written_while_it_runs_is_what_the_record_gives(robot):
+    drive, runner = begin(robot), Runner()
+    records = whole(timezone.now().timestamp())
+    hear(runner, drive, records)
+    live = list(TaskEvent.objects.order_by("number").values_list("stamp", "type", "data"))
+    write(drive, records)
+    settle(close(drive, at=records[-1].at + 1.0), timezone.now())
+    assert list(TaskEvent.objects.order_by("number").values_list("stamp", "type", "data")) == live
+    assert Drive.objects.get().outcome == "completed"
+
+
+def test_a_frame_is_sent_only_when_something_has_changed(robot):
+    drive, runner = begin(robot), Runner()
+    start = timezone.now().timestamp()
+    hear(runner, drive, way(start).records)
+    count = len(shown())
+    hear(runner, drive, [Seen(start + 1.0 + n / 4, "boot", 2 + n, 0.5, 2.0, 3.1, docked=True, contact=True) for n in range(20)])
+    runner.look(now=at(start + 7.0))
+    assert count > 0
+    assert shown() == []
+
+
+@pytest.mark.parametrize("refuses", ["bulk_create", "update"])
+def test_what_the_database_would_not_take_is_written_and_told_at_the_next_look(robot, monkeypatch, refuses):
+    drive, runner = begin(robot), Runner()
+    records = whole(timezone.now().timestamp())
+    half = len(records) // 2
+    hear(runner, drive, records[:half])
+    before = [frame.cue for frame in shown()]
+
+    def locked(*_arguments, **_more):
+        raise OperationalError("database is locked")
+
+    with monkeypatch.context() as away:
+        away.setattr(QuerySet, refuses, locked)
+        for record in records[half:-1]:
+            with suppress(OperationalError):
+                hear(runner, drive, [record])
+    assert shown() == []
+    runner.look(now=at(records[-2].at))
+    (frame,) = shown()
+    assert frame.cue not in before, "nothing more is heard, and the page is told all the same"
+    hear(runner, drive, records[-1:])
+    assert shown()[-1].cue == "completed"
+    write(drive, records)
+    live = list(TaskEvent.objects.order_by("number").values_list("number", "stamp", "type", "data"))
+    settle(close(drive, at=records[-1].at + 1.0), timezone.now())
+    assert list(TaskEvent.objects.order_by("number").values_list("number", "stamp", "type", "data")) == live
+
+
+def test_the_time_limit_ends_the_session_though_nothing_comes_any_more(robot):
+    drive, runner = begin(robot), Runner()
+    start = timezone.now().timestamp()
+    hear(runner, drive, way(start).records)
+    limit = 300.0 + start + 0.25
+    runner.look(now=at(limit + PATIENCE - 0.2))
+    assert Session.objects.get().state == "driving"
+    runner.look(now=at(limit + PATIENCE + 0.1))
+    session = Session.objects.get()
+    assert (session.outcome, session.outcome_reason) == ("timed_out", "task")
+    last = shown()[-1]
+    assert (last.cue, last.outcome) == ("timed_out", "timed_out")
+
+
+def test_docking_at_the_last_moment_counts_though_the_state_comes_late(robot):
+    drive, runner = begin(robot), Runner()
+    start = timezone.now().timestamp()
+    hear(runner, drive, way(start).go(*THERE, *BACK).records)
+    limit = 300.0 + start + 0.25
+    rests = [Seen(limit - 2.1 + n / 4, "boot", 4000 + n, 0.5, 2.0, 3.1, contact=True) for n in range(8)]
+    hear(runner, drive, rests)
+    runner.look(now=at(limit + 0.5))
+    late = Seen(limit - 0.1, "boot", 5000, 0.5, 2.0, 3.1, docked=True, contact=True)
+    about = {"session": str(drive.session_id), "received_at": limit + 0.6, "clock_offset": AHEAD}
+    runner.hear_state(robot="giraff", state=state_of(late, drive), **about)
+    assert (Session.objects.get().outcome, Session.objects.get().outcome_reason) == ("completed", "task")
+
+
+def test_what_is_left_is_told_in_the_last_minutes_and_now_and_then_again(robot):
+    drive, runner = begin(robot), Runner()
+    start = timezone.now().timestamp()
+    hear(runner, drive, way(start).records)
+    shown()
+    for second in range(170, 230):
+        runner.look(now=at(start + second))
+    seconds = [one.remaining for one in shown() if one.remaining is not None]
+    assert 5 <= len(seconds) <= 7
+    assert seconds[0] == pytest.approx(120.0, abs=1.5)
+
+
+def test_a_session_manager_that_was_killed_in_mid_task_is_followed_by_one_that_goes_on(robot):
+    drive, first = begin(robot), Runner()
+    records = whole(timezone.now().timestamp())
+    half = len(records) // 2 - 4  # on the way to the second checkpoint
+    hear(first, drive, records[:half])
+    before = len(shown())
+    write(drive, records[: half - 3])  # the last second had not reached the database
+    second = Runner()
+    second.look(now=at(records[half].at))
+    assert [one.cue for one in shown()] == []  # the page knows all of it
+    hear(second, drive, records[half - 3 :])  # what the broker had not been told is delivered
+    assert Session.objects.get().outcome == "completed"
+    assert before > 0
+    types = list(TaskEvent.objects.order_by("number").values_list("type", flat=True))
+    assert types.count("checkpoint") == 2
+    assert types.count("task_started") == types.count("docked") == 1
+
+
+def test_what_the_one_that_was_killed_had_heard_and_not_stored_is_made_up_for_when_it_is_sent_again(robot):
+    """Without the states around the first checkpoint the visitor would be sent back to it."""
+    drive, first = begin(robot), Runner()
+    records = whole(timezone.now().timestamp())
+    half = len(records) // 2
+    hear(first, drive, records[:half])
+    write(drive, records[:5])
+    second = Runner()
+    hear(second, drive, records[half:-1])
+    assert Drive.objects.get().shown["passed"] == []
+    hear(second, drive, records[5:half])
+    assert Drive.objects.get().shown["passed"] == [1, 2]
+    hear(second, drive, records[-1:])
+    assert Session.objects.get().outcome == "completed"
+
+
+def test_a_time_limit_that_passed_while_no_session_manager_ran_is_applied_by_the_next(robot):
+    drive = begin(robot)
+    start = timezone.now().timestamp()
+    write(drive, way(start).go(FIRST).records)
+    Runner().look(now=at(start + 400.0))
+    assert Session.objects.get().outcome == "timed_out"
+
+
+def test_another_robot_and_another_session_have_no_say(robot):
+    drive, runner = begin(robot), Runner()
+    records = whole(timezone.now().timestamp())
+    for record in records:
+        if isinstance(record, Seen):
+            say(runner, drive, record, robot="rhodon")
+    assert TaskEvent.objects.count() == 0
+    runner.hear_message(robot="", session="no session at all", message=message_of(records[1]), received_at=1.0, clock_offset=None)
+    assert shown() == []
+
+
+def test_a_drive_that_never_sees_a_picture_ends_when_its_turn_would_be_over(robot):
+    drive, runner = begin(robot), Runner()
+    granted = drive.granted_at.timestamp()
+    runner.look(now=at(granted + 470.0))
+    assert Session.objects.get().state == "driving"
+    runner.look(now=at(granted + 481.0))
+    assert (Session.objects.get().outcome, Session.objects.get().outcome_reason) == ("timed_out", "no_picture")
+
+
+def test_a_practice_drive_ends_after_its_minutes(robot):
+    steps = [{"kind": "practice", "key": "try", "title": {"en": "Try"}, "minutes": 2}, *STUDY["steps"]]
+    drive, runner = begin(robot, steps=steps), Runner()
+    start = timezone.now().timestamp()
+    hear(runner, drive, way(start).go(FIRST).records)
+    assert [one.cue for one in shown()] == ["practice"]
+    runner.look(now=at(start + 80.0))
+    assert [one.remaining for one in shown()] == [pytest.approx(40.2, abs=0.2)]
+    runner.look(now=at(start + 121.0))
+    session = Session.objects.get()
+    assert (session.outcome, session.outcome_reason) == ("completed", "time_over")
+    runner.hear_end(session=session)
+    assert Drive.objects.get().outcome == "completed"
+
+
+# --- other ends ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("outcome", "reason", "task"),
+    [
+        ("connection_lost", "visitor_silent", "connection_lost"), ("robot_fault", "robot_offline", "robot_fault"), ("completed", "left", "cancelled"),
+        ("cancelled", "left", "cancelled"), ("stopped_by_operator", "stopped", "stopped_by_operator"), ("timed_out", "turn_over", "timed_out"),
+    ],
+)  # fmt: skip
+def test_a_session_that_ends_otherwise_gives_its_outcome_at_once_and_loses_nothing(robot, outcome, reason, task):
+    """The page gone, the robot gone, the visitor gone, an operator, a turn."""
+    drive, runner = begin(robot), Runner()
+    records = way(timezone.now().timestamp()).go(FIRST).records
+    hear(runner, drive, records)
+    store.end(str(drive.session_id), outcome, reason, at(records[-1].at + 1.0))
+    Session.objects.update(first_motion_at=timezone.now())
+    runner.hear_end(session=Session.objects.get())
+    told = Drive.objects.get()
+    assert (told.outcome, told.exposed, told.settled_at) == (task, True, None)
+    write(drive, records)
+    settle(close(drive, at=records[-1].at + 2.0), timezone.now())
+    told = Drive.objects.get()
+    assert (told.outcome, told.exposed, told.participant.stage) == (task, True, "filled")
+
+
+def test_the_runner_settles_what_is_over_beside_what_lives(robot):
+    drive, runner = begin(robot), Runner()
+    records = whole(timezone.now().timestamp())
+    hear(runner, drive, records)
+    write(drive, records)
+    close(drive, at=records[-1].at + 1.0)
+    Robot.objects.update(turnaround="ready")
+    other = begin(robot, "ben", drive.participant.study)
+    for _ in range(40):
+        runner.look(now=timezone.now())
+    assert Drive.objects.get(pk=drive.pk).settled_at is not None
+    assert Drive.objects.get(pk=other.pk).settled_at is None

@@ -1,0 +1,157 @@
+"""OpenMORA's variables in a MOOSDB: the conformance suite against a double or, with MOOSDB=host:port, against a real one; and the wire."""
+
+import asyncio
+import math
+import os
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from robots.agent.adapters import registry
+from robots.agent.adapters.moos import wire
+from robots.agent.adapters.moos.client import MoosClient
+from robots.agent.adapters.moos.wire import Mail
+from robots.agent.robot_interface import AdapterError
+from robots.api.messages import Goto
+from tests.support.adapter_conformance import some, wait_for
+from tests.support.moos_robot import NODES, VIA, MoosRig
+from tests.support.moosdb import MoosDb
+from tests.support.rca_conformance import RcaConformance, ended, heard
+
+REAL = os.environ.get("MOOSDB", "")
+
+
+class TestGiraff(RcaConformance):
+    def make_rig(self, directory):
+        return MoosRig("giraff", REAL)
+
+    async def test_an_end_of_navigation_from_before_is_not_that_of_this_journey(self, adapter):
+        for number in range(2):  # the second time, the end of the first is the variable's last value
+            goal = self.rig.world.truth.x + 0.35, self.rig.world.truth.y
+            await adapter.start(Goto(action_id=f"g{number}", stamp=0.0, x=goal[0], y=goal[1]))
+            assert (await heard(adapter, ended(f"g{number}")))[-1].status == "FINISHED"
+            assert abs(self.rig.world.truth.x - goal[0]) < 0.3
+            await adapter.close()
+            await adapter.connect()
+
+    async def test_a_place_by_name_is_reached_at_the_end_of_its_plan_and_not_at_the_first_node_on_the_way(self, adapter):
+        for number in range(2):
+            await adapter.start(Goto(action_id=f"g{number}", stamp=0.0, place="Sofa"))
+            assert (await heard(adapter, ended(f"g{number}"), 20.0))[-1].status == "FINISHED"
+            assert math.dist(self.rig.world.truth[:2], NODES["Sofa"]) < 0.3
+            self.rig.reset()
+            await wait_for(adapter, lambda s: s.pose.x < NODES["Door"][0])
+
+    async def test_a_plan_that_ends_elsewhere_has_failed(self, adapter, monkeypatch):
+        monkeypatch.setattr("robots.agent.adapters.moos.adapter.LANDING", 0.5)
+        monkeypatch.setitem(VIA, "Sofa", None)
+        monkeypatch.delitem(NODES, "Sofa")  # the planner finds no way to it, and says that the plan is finished
+        await wait_for(adapter, lambda _: adapter._place == "Door")
+        await adapter.start(Goto(action_id="g", stamp=0.0, place="Sofa"))
+        last = (await heard(adapter, ended("g")))[-1]
+        assert (last.status, last.reason) == ("FAILED", "the robot stopped before it was there")
+
+    async def test_bumpers_count_once_a_touch(self, adapter):
+        before = (await some(adapter.states(), 1))[0].contacts
+        self.rig.bumped = 1.0
+        await wait_for(adapter, lambda s: s.contacts == before + 1)
+        self.rig.bumped = 0.0
+        assert (await some(adapter.states(), 10))[-1].contacts == before + 1
+
+    async def test_a_second_agent_of_the_same_name_is_refused_with_the_reason(self, adapter):
+        await some(adapter.states(), 1)
+        with pytest.raises(AdapterError, match="already exists"):
+            await self.make().connect()
+
+
+# --- the client ------------------------------------------------------------------------------------------------------------
+
+
+async def test_a_client_that_says_nothing_is_kept_for_it_speaks_of_the_time(monkeypatch):
+    monkeypatch.setattr("tests.support.moosdb.SILENCE", 2.0)  # longer than a busy machine holds up one process
+    monkeypatch.setattr("robots.agent.adapters.moos.client.BEAT", 0.1)
+    db, lost = MoosDb(), []
+    await db.start()
+    client = MoosClient("quiet", "127.0.0.1", db.port, lambda _: None, lost.append)
+    await client.connect()
+    await asyncio.sleep(4.5)  # more than twice what a silent one is given
+    assert "quiet" in db.clients
+    assert lost == []
+    await client.close()
+    await db.stop()
+
+
+@pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", wire.pack([Mail(wire.WELCOME, text="old")])])
+async def test_something_else_at_the_address_gives_a_sentence(answer):
+    async def serve(reader, writer):
+        await reader.read(100)
+        writer.write(answer)
+        writer.close()
+
+    server = await asyncio.start_server(serve, "127.0.0.1", 0)
+    adapter = registry.create("moos", "giraff", {"port": server.sockets[0].getsockname()[1]})
+    with pytest.raises(AdapterError, match="MOOSDB"):
+        await adapter.connect()
+    server.close()
+
+
+async def test_nobody_at_the_address_gives_a_sentence():
+    with pytest.raises(AdapterError, match=r"the MOOSDB at 127\.0\.0\.1:1 does not answer"):
+        await registry.create("moos", "giraff", {"port": "1"}).connect()
+
+
+async def test_a_database_without_a_robot_says_what_is_missing(monkeypatch):
+    monkeypatch.setattr("robots.agent.adapters.common.remote_adapter.FIRST_READING", 0.2)
+    db = MoosDb()
+    await db.start()
+    with pytest.raises(AdapterError, match="says nothing of LOCALIZATION"):
+        await registry.create("moos", "giraff", {"port": db.port}).connect()
+    await db.stop()
+
+
+# --- the wire --------------------------------------------------------------------------------------------------------------
+
+
+def test_a_message_is_laid_out_as_its_authors_do():
+    """Every byte written out, from the description of the format."""
+    packet = wire.pack([Mail(wire.NOTIFY, "V", 1.5, 2.0, "me", number=7)])
+    message = (
+        b"\x31\x00\x00\x00" b"\x07\x00\x00\x00" b"N" b"D"
+        b"\x02\x00\x00\x00me" b"\x00\x00\x00\x00" b"\x00\x00\x00\x00" b"\x01\x00\x00\x00V"
+        b"\x00\x00\x00\x00\x00\x00\x00\x40" b"\x00\x00\x00\x00\x00\x00\xf8\x3f" b"\x00\x00\x00\x00\x00\x00\xf0\xbf" b"\x00\x00\x00\x00"
+    )  # fmt: skip
+    length = len(message)
+    assert packet == (9 + length).to_bytes(4, "little") + b"\x01\x00\x00\x00" + b"\x00" + length.to_bytes(4, "little") + message[4:]
+
+
+mails = st.builds(
+    Mail, type=st.sampled_from([wire.NOTIFY, wire.REGISTER, wire.DATA]), key=st.text(max_size=6),
+    value=st.one_of(st.floats(allow_nan=False), st.text(max_size=6), st.binary(max_size=6)), time=st.floats(0, 1e10), source=st.just("me"),
+)  # fmt: skip
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])  # a busy computer is slow at everything
+@given(st.lists(mails, max_size=3))
+def test_what_is_packed_is_unpacked(sent):
+    packet = wire.pack(sent)
+    size, count = wire.body_length(packet[: wire.HEADER])
+    assert size == len(packet) - wire.HEADER
+    found = wire.unpack(packet[wire.HEADER :], count)
+    assert [(m.type, m.key, m.value, m.time, m.source) for m in found] == [(m.type, m.key, m.value, m.time, m.source) for m in sent]
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.binary(max_size=120), st.integers(1, 3))
+def test_nonsense_is_refused_and_nothing_else(body, count):
+    try:
+        wire.unpack(body, count)
+    except wire.MoosWireError:
+        return
+    assert len(body) >= 10 * count
+
+
+@pytest.mark.parametrize("header", [b"\xff\xff\xff\x7f\x00\x00\x00\x00\x00", b"\x00" * 9, b"\x10\x00\x00\x00\x01\x00\x00\x00\x01"])
+def test_a_header_that_cannot_be_is_refused(header):
+    with pytest.raises(wire.MoosWireError):
+        wire.body_length(header)

@@ -1,0 +1,145 @@
+"""The paper's Giraff over MQTT: the conformance suite on a real Mosquitto, and what is particular to its dialect."""
+
+import asyncio
+import time
+
+import pytest
+
+from robots.agent.adapters import registry
+from robots.agent.adapters.common import remote_adapter
+from robots.agent.adapters.common.robot_profile import load_profile
+from robots.agent.adapters.moos import openmora, openmora_mqtt
+from robots.agent.robot_interface import AdapterError
+from robots.api.messages import Goto, Relocalize, Velocity
+from tests.support.adapter_conformance import some, wait_for
+from tests.support.openmora_robot import OpenMoraRig
+from tests.support.patience import patient
+from tests.support.rca_conformance import RcaConformance, drive, ended, heard, lost
+
+
+class TestGiraff(RcaConformance):
+    def make_rig(self, directory):
+        return OpenMoraRig(directory)
+
+    async def test_a_place_of_its_topology_is_reached_by_name(self, adapter):
+        await wait_for(adapter, lambda _: adapter._nodes)
+        await adapter.start(Goto(action_id="g", stamp=0.0, place="CorridorMiddle"))
+        assert (await heard(adapter, ended("g"), 15.0))[-1].status == "FINISHED"
+
+    async def test_it_says_who_drives_and_when_it_leaves(self, adapter):
+        self.rig.said.clear()
+        await adapter.close()
+        await adapter.connect()
+        said = lambda: [text for topic, text in self.rig.said if topic == "SessionCommand"]  # noqa: E731
+        await wait_for(adapter, lambda _: len(said()) == 2)
+        assert said() == ["Stop telepresence", "Start telepresence"]
+
+    async def test_its_errors_are_shown(self, adapter):
+        self.rig.error = "laser disconnected"
+        assert (await wait_for(adapter, lambda s: s.errors)).errors == ("laser disconnected",)
+
+    async def test_a_journey_right_after_driving_is_not_cancelled_by_the_robots_own_time_limit(self, adapter):
+        await drive(adapter, Velocity(linear=0.2, angular=0.0), lambda s: s.velocity.linear > 0.1)
+        goal = self.rig.world.truth.x + 0.6, self.rig.world.truth.y
+        await adapter.start(Goto(action_id="g", stamp=0.0, x=goal[0], y=goal[1]))
+        assert (await heard(adapter, ended("g")))[-1].status == "FINISHED"
+
+    async def test_a_velocity_that_the_broker_kept_waiting_is_never_sent(self, adapter):
+        """Late commands are obeyed by this robot: what waited in the agent must not leave it."""
+        await some(adapter.states(), 2)
+        self.rig.world.commands.clear()
+        late = 0.123  # which no other test asks for
+        adapter.apply(Velocity(linear=late, angular=0.0))
+        time.sleep(0.4)  # the loop hangs, as in a stalled computer
+        await some(adapter.states(), 5)
+        assert late not in [round(linear, 6) for _, linear, _ in self.rig.world.commands], self.rig.world.commands
+
+    async def test_a_broker_that_dies_or_hangs_is_noticed(self, adapter, monkeypatch):
+        monkeypatch.setattr(remote_adapter, "SILENCE", 1.0)
+        await some(adapter.states(), 2)
+        self.rig.broker.freeze(on=True)
+        try:
+            assert "says nothing" in await lost(adapter, Velocity(linear=0.1, angular=0.0), 5.0)
+        finally:
+            self.rig.broker.freeze(on=False)
+
+    async def test_without_a_place_it_cannot_look_for_itself(self, adapter):
+        with pytest.raises(AdapterError, match="told where it is"):
+            await adapter.start(Relocalize(action_id="r", stamp=0.0))
+
+
+async def test_a_broker_where_nobody_is_gives_a_sentence():
+    adapter = registry.create("openmora_mqtt", "giraff", {"broker": "mqtt://127.0.0.1:1"})
+    async with asyncio.timeout(patient(10.0)):
+        with pytest.raises(AdapterError, match=r"Giraff at mqtt://127\.0\.0\.1:1"):
+            await adapter.connect()
+    await adapter.close()
+
+
+# --- the dialect ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_payload_carries_milliseconds_since_1601():
+    assert openmora.stamped("Motion 0.200 0.000", 0.0) == "11644473600000|Motion 0.200 0.000"
+    assert openmora.unstamped(b"11644473601500|1 2 3|NULL") == ("1 2 3|NULL", 1.5)
+
+
+@pytest.mark.parametrize("payload", [b"", b"Motion 1 0", b"x|y", b"\xff\xfe"])
+def test_a_payload_without_its_time_is_none(payload):
+    with pytest.raises(openmora.DialectError):
+        openmora.unstamped(payload)
+
+
+@pytest.mark.parametrize("text", ["[1.5 -2 90]", "1.5 -2 90", "[1.5 -2.0 90.0deg]", "[1.5 -2 450 deg]"])
+def test_a_pose_is_read_in_all_of_its_spellings(text):
+    pose = openmora.pose_of(text)
+    assert (pose.x, pose.y, round(pose.theta, 4)) == (1.5, -2.0, 1.5708)
+
+
+@pytest.mark.parametrize("text", ["[1 2]", "[a b c]", "nan nan nan", "1 2 inf"])
+def test_what_is_no_pose_is_refused(text):
+    with pytest.raises(openmora.DialectError):
+        openmora.pose_of(text)
+
+
+def test_a_status_of_a_robot_that_knows_nothing_is_read():
+    status = openmora.status_of("NULL|NULL|NULL|NULL|NULL|NULL|NULL|NULL|NULL")
+    assert (status.pose, status.place, status.voltage, status.autonomous, status.charging) == (None, "", None, False, None)
+
+
+@pytest.mark.parametrize("text", ["", "a|b", "1 2 3|a|b|Manual|much|0"])
+def test_what_is_no_status_is_refused(text):
+    with pytest.raises(openmora.DialectError):
+        openmora.status_of(text)
+
+
+def test_a_scan_is_read_and_what_is_beyond_its_range_left_out():
+    scan = openmora.scan_of("Aperture 3.14#Nsamples 3#Values 1.00 0.00 30.00", 5.0, 30.0)
+    assert scan.ranges == (1.0, None, None)
+    assert scan.angle_min == pytest.approx(-1.57)
+    assert scan.angle_increment == pytest.approx(1.57)
+
+
+@pytest.mark.parametrize("text", ["", "Aperture x#Nsamples 2#Values 1 2", "Aperture 3#Nsamples 1#Values 1", "Aperture 9#Nsamples 2#Values 1 2"])
+def test_what_is_no_scan_is_refused(text):
+    with pytest.raises(openmora.DialectError):
+        openmora.scan_of(text, 0.0, 10.0)
+
+
+def test_the_places_of_a_topology_are_found():
+    assert openmora.nodes_of("Graph#Charger Place 0.5 6.3#Lab Place 3 4.1") >= {"Charger", "Lab"}
+
+
+def test_a_voltage_that_no_module_has_said_yet_is_unknown():
+    """A variable of MOOS that was never written is 0.0 (MOOSVariable.cpp), and the module says it all the same."""
+    assert openmora.status_of("|||Manual|0.00|0|0|0|0").voltage is None
+
+
+def test_the_angle_of_a_head_that_nobody_has_turned_is_unknown_and_known_once_it_must_be_there():
+    head = openmora_mqtt._Head(load_profile("giraff"))
+    assert head.angle(0.0) is None
+    head.turn_to(0.5, 10.0)
+    assert head.angle(10.5) is None  # it turns from nobody knows where
+    assert head.angle(13.0) == 0.5
+    head.turn_to(0.1, 20.0)
+    assert head.angle(20.25) == pytest.approx(0.3)

@@ -1,0 +1,300 @@
+"""A simulated robot that has only velocity, odometry and a laser, wrapped: the conformance suite, real drives, and a mind that dies."""
+
+import asyncio
+import math
+import os
+import signal
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from robots.agent.adapters import registry
+from robots.agent.adapters.navigation_layer.adapter import OURS, AutonomyAdapter
+from robots.agent.adapters.navigation_layer.pose_memory import PoseMemory
+from robots.agent.autonomy.area import update_of
+from robots.agent.robot_interface import Adapter, AdapterError, Navigating
+from robots.agent.safety.ramp import ZERO
+from robots.agent.simulator import wire as simulated
+from robots.agent.simulator.physics.faults import Faults
+from robots.api.geometry import Pose2D
+from robots.api.messages import Cancel, Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Tilt
+from robots.world.sites import load_site
+from tests.support.adapter_conformance import AdapterConformance, some
+from tests.support.autonomous_drive import driving, made
+from tests.support.scripted_robot import ScriptedRobot, still
+from tests.support.simulators import alive
+from tests.support.truth import Fate, Onlooker
+
+pytestmark = pytest.mark.usefixtures("patient_adapters")
+NEAR = "3.0,1.0,3.1"  # two metres before
+THERE = {"place": None, "x": 1.2, "y": 1.0}  # where a robot need not turn round
+
+
+class TestWrapped(AdapterConformance):
+    def make(self) -> Adapter:
+        return made()
+
+    def obeyed_at(self, adapter: Adapter) -> float:
+        assert isinstance(adapter, AutonomyAdapter)
+        truth = adapter.inner._truth
+        return truth.commanded_at if truth else 0.0
+
+
+def goto(action_id="g", **fields):
+    return Goto(action_id=action_id, stamp=0.0, **({"place": "corridor-west"} | fields))
+
+
+# --- what is wrapped -----------------------------------------------------------------------------------------------------
+
+
+def test_a_robot_with_a_laser_and_no_localization_gets_ours_and_any_other_stays_as_it_is():
+    adapter = made()
+    assert set(OURS) <= set(adapter.profile.capabilities)
+    assert isinstance(adapter, Navigating)
+    without = ScriptedRobot()
+    assert registry.autonomous(without) is without
+    able = ScriptedRobot(profile=replace(without.profile, laser=adapter.profile.laser, capabilities=("velocity", "localization", "goto")))
+    assert registry.autonomous(able) is able
+
+
+def test_a_robot_that_localizes_itself_and_goes_nowhere_gets_our_navigation_and_keeps_its_pose():
+    profile = replace(ScriptedRobot().profile, laser=made().profile.laser, capabilities=("velocity", "localization", "dock"))
+    wrapped = registry.autonomous(ScriptedRobot(profile=profile))
+    assert set(wrapped.profile.capabilities) == {"velocity", "localization", "dock", "goto", "follow", "undock"}
+    reading = still(odometry=Pose2D(0.0, 0.0, 0.0))
+    assert wrapped.located(reading, np.zeros((0, 2))) == replace(reading, path=())
+
+
+def test_what_a_robot_can_do_itself_stays_its_own():
+    inner = ScriptedRobot()
+    wrapped = registry.autonomous(ScriptedRobot(profile=replace(inner.profile, laser=made().profile.laser)))
+    assert sorted(wrapped.profile.capabilities) == sorted({*inner.profile.capabilities, *OURS})
+
+
+def test_a_site_that_does_not_exist_is_refused_with_a_sentence():
+    with pytest.raises(AdapterError, match="office"):
+        registry.autonomous(registry.create("simulator", "giraff"), "castle")
+
+
+# --- where it is and where it goes -----------------------------------------------------------------------------------------
+
+
+async def test_it_knows_where_it_is_goes_where_it_is_told_and_tells_the_way():
+    adapter = made(start=NEAR)
+    async with driving(adapter) as drive:
+        await drive.known()
+        onlooker = Onlooker(drive.port())
+        await adapter.start(goto(**THERE))
+        await drive.until(lambda: drive.state.path)
+        await drive.moving()
+        truth = await asyncio.to_thread(onlooker.at, drive.state.stamp)
+        state = drive.state
+        truth = await asyncio.to_thread(onlooker.at, state.stamp)
+        assert math.hypot(truth.x - state.pose.x, truth.y - state.pose.y) < 0.1
+        assert (await drive.ended("g")).status == "FINISHED"
+        await drive.standing()
+        await drive.until(lambda: drive.state.path == ())
+        assert math.hypot(drive.state.pose.x - 1.2, drive.state.pose.y - 1.0) < 0.3
+        assert (await asyncio.to_thread(onlooker.truth)).contacts == 0
+        assert adapter.wanted() is None
+        onlooker.close()
+
+
+async def test_an_order_waits_for_a_mind_that_is_about_to_think_and_is_refused_where_nothing_can_be_done():
+    adapter = made()
+    async with driving(adapter) as drive:
+        await drive.until(lambda: drive.state is not None and adapter._beams is not None)
+        with pytest.raises(AdapterError, match="no place is called"):
+            await adapter.start(goto(place="the moon"))
+        with pytest.raises(AdapterError, match="line"):
+            await adapter.start(Follow(action_id="f", stamp=0.0, points=((0.0, 0.0),)))
+        with pytest.raises(AdapterError):
+            await adapter.start(Cancel(action_id="c", stamp=0.0))
+        await adapter.start(Tilt(action_id="t", stamp=0.0, angle=0.3))
+        assert (await drive.ended("t")).status == "FINISHED", "what the RCA does is the RCA's"
+
+
+async def test_it_is_shown_where_it_stands_and_says_when_it_has_found_that_true():
+    async with driving(made()) as drive:
+        await drive.known()
+        place = drive.state.pose
+        await drive.adapter.start(Relocalize(action_id="r", stamp=0.0, x=place.x + 0.2, y=place.y, theta=place.theta))
+        ended = await drive.ended("r")
+        assert ended.status == "FINISHED"
+        assert ended.result["score"] >= 0.5
+
+
+async def test_cancelling_stops_the_robot():
+    async with driving(made()) as drive:
+        await drive.known()
+        await drive.adapter.start(goto())
+        await drive.moving()
+        await drive.adapter.cancel("g")
+        assert drive.adapter.wanted() is None
+        assert (await drive.ended("g")).status == "CANCELLED"
+        await drive.standing()
+
+
+# --- what breaks ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("faults", "words"), [(Faults(laser="silent"), "laser"), (Faults(laser="nan"), "laser"), (Faults(wheels_stopped=True), "wheels")]
+)
+async def test_a_robot_that_breaks_on_its_way_stands_and_says_what_is_broken(faults, words):
+    async with driving(made()) as drive:
+        await drive.known()
+        fate = Fate(drive.port())
+        await drive.adapter.start(goto())
+        await drive.moving()
+        assert await asyncio.to_thread(fate.wish, simulated.Break(faults)) == ""
+        ended = await drive.ended("g")
+        assert ended.status == "FAILED"
+        assert words in ended.reason
+        await drive.standing()
+        fate.close()
+
+
+async def test_a_mind_that_is_killed_ends_the_action_with_the_reason_and_the_next_one_knows_where_the_robot_is():
+    async with driving(made(start=NEAR)) as drive:
+        await drive.known()
+        await drive.adapter.start(goto())
+        await drive.moving()
+        pid = drive.adapter.mind.pid
+        os.kill(pid, signal.SIGKILL)
+        ended = await drive.ended("g", 3.0)
+        assert ended.status == "FAILED"
+        assert "navigation" in ended.reason
+        await drive.standing()
+        assert any("navigation" in text for text in drive.complaints)
+        await drive.until(lambda: drive.adapter.mind.ready and drive.adapter.mind.pid != pid)
+        await drive.known()
+        assert drive.state.errors == ()
+        await drive.adapter.start(goto("g2", **THERE))
+        assert (await drive.ended("g2")).status == "FINISHED"
+
+
+async def test_a_mind_that_is_stuck_makes_the_robot_stand_and_is_replaced():
+    async with driving(made()) as drive:
+        await drive.known()
+        await drive.adapter.start(goto())
+        await drive.moving()
+        pid = drive.adapter.mind.pid
+        os.kill(pid, signal.SIGSTOP)
+        await drive.until(lambda: drive.adapter.wanted() == ZERO, 2.0)
+        ended = await drive.ended("g", 5.0)
+        assert "stopped answering" in ended.reason
+        await drive.standing()
+        await drive.until(lambda: drive.adapter.mind.ready and drive.adapter.mind.pid != pid)
+        assert not alive(pid)
+        await drive.known()
+
+
+async def test_a_robot_whose_simulator_dies_on_the_way_fails_its_action():
+    adapter = made()
+    async with driving(adapter) as drive:
+        await drive.known()
+        await adapter.start(goto())
+        await drive.moving()
+        os.kill(adapter.inner._child.pid, signal.SIGKILL)
+        assert (await drive.ended("g", 5.0)).reason == "the robot was lost"
+        assert adapter.wanted() is None
+
+
+async def test_closing_leaves_no_process_behind():
+    adapter = made()
+    async with driving(adapter) as drive:
+        await drive.known()
+        pids = adapter.mind.pid, adapter.inner._child.pid
+    assert not any(alive(pid) for pid in pids)
+
+
+# --- maps ----------------------------------------------------------------------------------------------------------------
+
+
+def without_site(memory: Path | None = None) -> AutonomyAdapter:
+    """A robot that has only the server to tell it where it is."""
+    inner = registry.create("simulator", "giraff", {"camera": "no", "start": "5.0,1.0,3.1", "seed": "3"})
+    inner.profile = replace(inner.profile, plan="", start=None)
+    adapter = registry.autonomous(inner, memory=memory)
+    assert isinstance(adapter, AutonomyAdapter)
+    return adapter
+
+
+def office() -> FloorPlanUpdate:
+    return update_of(load_site("office"))
+
+
+async def test_a_robot_that_has_only_the_server_thinks_as_soon_as_that_has_told_it_the_map():
+    adapter = without_site()
+    async with driving(adapter) as drive:
+        await drive.until(lambda: drive.state is not None)
+        assert not drive.state.pose.localized
+        assert any("no map" in text for text in drive.state.errors)
+        with pytest.raises(AdapterError, match=r"no map|laser"):
+            await adapter.start(goto())
+        adapter.take_floorplan(office())
+        await drive.until(lambda: adapter.mind.ready)
+        await adapter.start(Relocalize(action_id="r", stamp=0.0, x=5.0, y=1.0, theta=3.1))
+        await drive.known()
+        await adapter.start(Dock(action_id="d", stamp=0.0))
+        await drive.moving()
+
+
+async def test_a_map_that_is_none_is_complained_about_and_a_better_one_is_taken():
+    adapter = without_site()
+    async with driving(adapter) as drive:
+        adapter.take_floorplan(msgspec.structs.replace(office(), image="iVBORw0KGgo="))
+        await drive.until(lambda: drive.state is not None and any("image" in text for text in drive.state.errors))
+        with pytest.raises(AdapterError, match="image"):
+            await adapter.start(Relocalize(action_id="r", stamp=0.0))
+        adapter.take_floorplan(office())
+        await drive.until(lambda: adapter.mind.ready)
+
+
+async def test_a_robot_that_knows_its_site_keeps_it():
+    adapter = made()
+    adapter.take_floorplan(msgspec.structs.replace(office(), map_id="elsewhere"))
+    assert adapter._area.map_id == "office"
+    assert adapter.mind.starts == 0
+
+
+async def test_where_it_stood_when_the_agent_ended_is_where_the_next_agent_begins(tmp_path):
+    memory = tmp_path / "agent" / "pose.json"
+    first = without_site(memory)
+    async with driving(first) as drive:
+        first.take_floorplan(office())
+        await drive.until(lambda: first.mind.ready)
+        await first.start(Relocalize(action_id="r", stamp=0.0, x=5.0, y=1.0, theta=3.1))
+        await drive.known()
+    assert PoseMemory(memory).recall("office").distance(Pose2D(5.0, 1.0, 3.1)) < 0.2
+    second = without_site(memory)
+    async with driving(second) as drive:
+        second.take_floorplan(office())
+        await drive.known()
+        assert math.hypot(drive.state.pose.x - 5.0, drive.state.pose.y - 1.0) < 0.2
+
+
+def test_a_memory_that_makes_no_sense_is_none(tmp_path):
+    path = tmp_path / "pose.json"
+    assert PoseMemory(None).recall("office") is None
+    assert PoseMemory(path).recall("office") is None
+    for text in (
+        "nonsense",
+        "[]",
+        '{"map_id": "office"}',
+        '{"map_id": "office", "x": 1, "y": NaN, "theta": 0}',
+        '{"map_id": "flat", "x": 1, "y": 1, "theta": 0}',
+    ):
+        path.write_text(text)
+        assert PoseMemory(path).recall("office") is None
+
+
+async def test_states_go_on_while_nobody_thinks():
+    adapter = without_site()
+    await adapter.connect()
+    assert len(await some(adapter.states(), 10)) == 10
+    await adapter.close()

@@ -1,0 +1,325 @@
+"""The agent's connection to a real Mosquitto: made again for ever, and nothing missing afterwards."""
+
+import asyncio
+import contextlib
+import random
+import ssl
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from robots.agent.backoff import Backoff
+from robots.agent.broker_link.mqtt import Endpoint, MqttLink
+from robots.agent.broker_link.outbox import Outbox, letter
+from robots.api import codec
+from robots.api import messages as m
+from telepresence_site.demo import lan
+from tests.support.mosquitto import Mosquitto
+from tests.support.mqtt_ear import Ear
+from tests.support.patience import patient
+from tests.support.scripted_robot import LIMITS
+from tests.support.site import free_port
+
+pytestmark = pytest.mark.broker
+
+SHEET = m.Factsheet(
+    name="giraff", series="Test", rca="test", agent_version="0", boot="0000000000aa-1", capabilities=("velocity",), limits=LIMITS,
+    footprint=((0.1, 0.1), (0.1, -0.1), (-0.1, 0.0)), watchdog=0.3,
+)  # fmt: skip
+LEASE = m.Lease(session="s1", epoch=1, peer="p1", who="Ada", renewal=0, stamp=1.0)
+
+
+class Ears:
+    """An inbox that keeps what arrives."""
+
+    def __init__(self):
+        self.messages, self.rejections, self.changes, self.rivals = [], [], [], []
+
+    def arrived(self, suffix, message, *, retained):
+        self.messages.append((suffix, message, retained))
+
+    def rejected(self, reason):
+        self.rejections.append(reason)
+
+    def link_changed(self, *, up):
+        self.changes.append(up)
+
+    def rival(self, boot):
+        self.rivals.append(boot)
+
+
+class LinkThread:
+    """A link on a loop in a thread, as in the agent."""
+
+    def __init__(self, url, sheet=SHEET, ca=None, others=()):
+        self.inbox = Ears()
+        self.link = MqttLink(Endpoint.of(url, ca=ca), sheet, rng=random.Random(1), others=tuple(map(Endpoint.of, others)))
+        self.loop = asyncio.SelectorEventLoop()
+        self._thread = threading.Thread(target=self._run)
+        self.crashed = True
+
+    def _run(self):
+        with contextlib.suppress(asyncio.CancelledError):
+            self._task = self.loop.create_task(self.link.run(self.inbox))
+            self.loop.run_until_complete(self._task)
+        self.crashed = False
+        self.loop.run_until_complete(self.loop.shutdown_default_executor())
+        self.loop.close()
+
+    def __enter__(self):
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_):
+        if self._thread.is_alive():
+            self.call(self.link.close)
+        self._thread.join(10.0)
+        assert not self._thread.is_alive()
+        assert not self.crashed
+
+    def call(self, function, *arguments):
+        self.loop.call_soon_threadsafe(function, *arguments)
+
+    def publish(self, suffix, message):
+        self.call(self.link.publish, suffix, codec.encode(message))
+
+    def wait(self, condition, within=15.0):
+        deadline = time.monotonic() + patient(within)
+        while not condition():
+            assert time.monotonic() < deadline, (self.inbox.messages[-5:], self.inbox.rejections[-5:], self.inbox.changes)
+            time.sleep(0.01)
+
+
+@pytest.fixture
+def broker(tmp_path):
+    with Mosquitto(tmp_path) as broker:
+        yield broker
+
+
+@pytest.fixture
+def ear(broker):
+    with Ear(broker.port) as ear:
+        yield ear
+
+
+def state(seq):
+    return m.State(
+        stamp=1.0, boot=SHEET.boot, seq=seq, pose=m.Pose(x=0.0, y=0.0, theta=0.0), velocity=m.Velocity(linear=0.0, angular=0.0),
+        battery=m.Battery(charge=1.0),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("scheme", ["mqtt", "ws", "mqtts", "wss"])
+def test_an_agent_says_who_it_is_and_hears_its_own_topics_on_every_transport(tmp_path, scheme):
+    key, certificate = lan.certificate(tmp_path, ["127.0.0.1"])
+    with Mosquitto(tmp_path, (key, certificate)) as broker, Ear(broker.port) as ear:
+        with LinkThread(broker.url_of(scheme), ca=str(certificate)) as agent:
+            assert ear.wait("connection").state == "ONLINE"
+            assert ear.wait("factsheet") == SHEET
+            ear.say("lease", LEASE)
+            agent.wait(lambda: ("lease", LEASE, False) in agent.inbox.messages)
+            ear.say("lease", None)
+            agent.wait(lambda: ("lease", None, False) in agent.inbox.messages)
+        assert ear.wait("connection", lambda c: c.state == "OFFLINE")
+
+
+def test_where_one_way_to_the_broker_leads_nowhere_another_is_taken(broker, ear):
+    with LinkThread(f"mqtt://127.0.0.1:{free_port()}", others=[broker.url]) as agent:
+        assert ear.wait("connection").state == "ONLINE"
+        agent.wait(lambda: agent.inbox.changes[-1:] == [True])
+    with LinkThread(broker.url, others=[f"mqtt://127.0.0.1:{free_port()}"]) as agent:
+        agent.wait(lambda: agent.inbox.changes == [True])
+
+
+def test_a_broker_whose_certificate_nobody_vouches_for_is_not_talked_to(tmp_path, caplog):
+    with Mosquitto(tmp_path, lan.certificate(tmp_path, ["127.0.0.1"])) as broker, LinkThread(broker.url_of("mqtts")) as agent:
+        agent.wait(lambda: "certificate verify failed" in caplog.text)
+        assert not agent.link.connected
+
+
+def test_a_stored_lease_arrives_marked_as_such(broker, ear):
+    ear.say("lease", LEASE, retain=True)
+    with LinkThread(broker.url) as agent:
+        agent.wait(lambda: ("lease", LEASE, True) in agent.inbox.messages)
+
+
+def test_messages_of_every_bad_kind_are_counted_and_do_not_end_the_loop(broker, ear):
+    noise = random.Random(5)
+    with LinkThread(broker.url) as agent:
+        agent.wait(lambda: agent.link.connected)
+        for number in range(300):
+            suffix = ("command/velocity", "command/action", "lease", "signal/p1", "command/heartbeat")[number % 5]
+            ear.say(suffix, None, raw=noise.randbytes(noise.randrange(1, 200)) if number % 7 else b"x" * 200_000)
+        agent.wait(lambda: len(agent.inbox.rejections) == 300)
+        assert {"malformed", "oversized"} == set(agent.inbox.rejections)
+        ear.say("lease", LEASE)
+        agent.wait(lambda: ("lease", LEASE, False) in agent.inbox.messages)
+
+
+def test_after_a_broker_restart_everything_retained_is_said_again_and_no_state_is_missing(broker, ear):
+    with LinkThread(broker.url) as agent:
+        ear.wait("connection")
+        for seq in range(1, 21):
+            agent.publish("state", state(seq))
+        ear.wait("state", lambda s: s.seq == 20)
+        broker.kill()
+        agent.wait(lambda: agent.inbox.changes[-1:] == [False])
+        for seq in range(21, 301):
+            agent.publish("state", state(seq))
+        agent.publish("pose", m.PoseUpdate(stamp=9.0, pose=m.Pose(x=0.0, y=0.0, theta=0.0), velocity=m.Velocity(linear=0.0, angular=0.0)))
+        seen = ear.count
+        # What the agent sends before the ear is back is what a server asks for again: it is held up until then, and all of it must be here.
+        held_up = threading.Event()
+        ear.subscribed.clear()
+
+        def wait_for_the_ear():
+            held_up.set()
+            ear.subscribed.wait(patient(10.0))
+
+        agent.call(wait_for_the_ear)
+        assert held_up.wait(patient(10.0))
+        broker.start()
+        assert ear.wait("connection", since=seen).state == "ONLINE"
+        ear.wait("factsheet", since=seen)
+        ear.wait("state", lambda s: s.seq == 300)
+        agent.wait(lambda: not agent.link.outbox.unacknowledged and not len(agent.link.outbox))
+        assert agent.link.outbox.lost == 0
+        assert [s.seq for s in ear.all("state") if s.seq > 20] == list(range(21, 301))
+        assert ear.all("pose") == [], "a pose of the past is of no use to anybody"
+
+
+def test_what_the_broker_had_not_acknowledged_is_sent_again(broker, ear):
+    with LinkThread(broker.url) as agent:
+        ear.wait("connection")
+        broker.freeze(on=True)
+        for seq in range(1, 51):
+            agent.publish("state", state(seq))
+        agent.wait(lambda: agent.link.outbox.unacknowledged > 0)
+        agent.wait(lambda: agent.inbox.changes[-1:] == [False], within=20.0)
+        broker.freeze(on=False)
+        ear.wait("state", lambda s: s.seq == 50)
+        agent.wait(lambda: not agent.link.outbox.unacknowledged and not len(agent.link.outbox))
+        assert {s.seq for s in ear.all("state")} == set(range(1, 51))
+
+
+LONELY = """
+import asyncio, random, sys
+from robots.agent.broker_link.mqtt import Endpoint, MqttLink
+from tests.integration.robots.agent.broker_link.test_mqtt import SHEET, Ears
+link = MqttLink(Endpoint.of(sys.argv[1]), SHEET, rng=random.Random(1))
+asyncio.SelectorEventLoop().run_until_complete(link.run(Ears()))
+"""
+
+
+def test_an_agent_that_is_killed_leaves_a_will(broker, ear):
+    agent = subprocess.Popen([sys.executable, "-c", LONELY, broker.url])
+    try:
+        ear.wait("connection", lambda c: c.state == "ONLINE")
+    finally:
+        agent.kill()
+        agent.wait()
+    assert ear.wait("connection", lambda c: c.state == "CONNECTIONBROKEN").boot == SHEET.boot
+
+
+@pytest.mark.parametrize("stale", ["CONNECTIONBROKEN", "OFFLINE"])
+def test_a_stale_word_of_its_absence_is_answered_with_online(broker, ear, stale):
+    with LinkThread(broker.url):
+        ear.wait("connection", lambda c: c.state == "ONLINE")
+        seen = ear.count
+        ear.say("connection", m.Connection(boot="000000000001-0", state=stale, stamp=1.0), retain=True)
+        assert ear.wait("connection", lambda c: c.state == "ONLINE", since=seen).boot == SHEET.boot
+    with Ear(broker.port) as newcomer:
+        assert newcomer.wait("connection").state == "OFFLINE"
+
+
+def test_of_two_agents_of_one_robot_the_older_one_yields_until_the_newer_has_gone(broker, ear):
+    newer = m.Factsheet(**{f: getattr(SHEET, f) for f in SHEET.__struct_fields__} | {"boot": "0000000000bb-1"})
+    with LinkThread(broker.url) as old:
+        old.wait(lambda: old.link.connected)
+        with LinkThread(broker.url, newer) as new:
+            old.wait(lambda: old.inbox.rivals == [newer.boot])
+            assert new.inbox.rivals == []
+            seen = ear.count
+        old.wait(lambda: old.inbox.rivals == [newer.boot, None])
+        assert ear.wait("connection", lambda c: c.state == "ONLINE" and c.boot == SHEET.boot, since=seen)
+
+
+def test_an_agent_waits_for_a_broker_that_is_not_there_yet(tmp_path):
+    broker = Mosquitto(tmp_path)
+    with LinkThread(broker.url) as agent:
+        agent.publish("state", state(1))
+        with broker, Ear(broker.port) as ear:
+            agent.wait(lambda: agent.link.connected)
+            agent.publish("state", state(2))
+            ear.wait("state", lambda s: s.seq == 2)
+
+
+def test_an_agent_ends_also_while_the_broker_is_away(tmp_path):
+    with LinkThread(Mosquitto(tmp_path).url) as agent:
+        agent.publish("state", state(1))
+        begun = time.monotonic()
+    assert time.monotonic() - begun < 10.0
+
+
+# --- pure --------------------------------------------------------------------------------------------------------------
+
+
+def test_an_address_names_transport_port_and_path():
+    plain = Endpoint.of("mqtt://broker.example", "giraff", "secret")
+    assert (plain.host, plain.port, plain.transport, plain.tls, plain.username, plain.password) == (
+        "broker.example", 1883, "tcp", None, "giraff", "secret",
+    )  # fmt: skip
+    web = Endpoint.of("wss://broker.example/bus")
+    assert (web.port, web.transport, web.path) == (443, "websockets", "/bus")
+    assert isinstance(web.tls, ssl.SSLContext)
+    assert Endpoint.of("mqtts://u%40x:p@[::1]:1").username == "u@x"
+    with pytest.raises(ValueError, match=r"the certificates in /nowhere\.pem cannot be read: "):
+        Endpoint.of("mqtts://broker.example", ca="/nowhere.pem")
+    for wrong in ("http://x", "broker:1883", "mqtt://", "mqtt://host:notaport"):
+        with pytest.raises(ValueError):
+            Endpoint.of(wrong)
+
+
+def test_waits_double_up_to_the_longest_and_begin_anew_after_a_connection_that_held():
+    backoff = Backoff(random.Random(2), first=0.2, longest=5.0, settled=10.0)
+    waits = [backoff.failed() for _ in range(8)]
+    bases = [0.2, 0.4, 0.8, 1.6, 3.2, 5.0, 5.0, 5.0]
+    assert all(base / 2 <= wait <= base for wait, base in zip(waits, bases, strict=True))
+    assert backoff.failed(held=3.0) > 2.0
+    assert backoff.failed(held=60.0) <= 0.2
+
+
+def test_the_outbox_keeps_the_record_drops_the_moment_and_loses_the_oldest_first():
+    outbox = Outbox(messages=3)
+    outbox.put(letter("pose", b"1"), connected=False)
+    for number in range(5):
+        outbox.put(letter("state", str(number).encode()), connected=False)
+    assert outbox.lost == 2
+    first, second = outbox.take(), outbox.take()
+    assert (first.payload, second.payload) == (b"2", b"3")
+    outbox.put(letter("heartbeat", b"9"), connected=True)
+    outbox.acknowledged(second)
+    outbox.disconnected()
+    assert [outbox.take().payload for _ in range(len(outbox))] == [b"2", b"4"]
+    with pytest.raises(ValueError, match="no topic"):
+        letter("nowhere", b"")
+
+
+def test_of_pictures_none_waits_behind_another():
+    outbox = Outbox()
+    for payload in (b"one", b"two", b"three"):
+        outbox.put(letter("picture", payload), connected=True)
+    assert len(outbox) == 1
+    sent = outbox.take()
+    assert sent.payload == b"three"
+    outbox.put(letter("picture", b"four"), connected=True)
+    assert len(outbox) == 0
+    outbox.acknowledged(sent)
+    outbox.put(letter("picture", b"five"), connected=True)
+    assert outbox.take().payload == b"five"
+    outbox.put(letter("picture", b"six"), connected=False)
+    assert len(outbox) == 0
+    assert outbox.lost == 3

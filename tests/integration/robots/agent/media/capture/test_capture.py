@@ -1,0 +1,68 @@
+"""A source that starts slowly, stalls, fails and comes back: how long it is given, and what is said of it meanwhile."""
+
+import time
+from typing import Self
+
+from robots.agent.media.capture.capture import Capture, CaptureLimits, CaptureState
+from robots.agent.robot_interface import AdapterError
+from tests.support.simulators import eventually
+
+QUICK = CaptureLimits(opening=60.0, stall=0.2, linger=0.0, read=0.02, first_retry=0.02, last_retry=0.02)
+
+
+class Scripted:
+    """A source that gives while it is told to; `broken` is why it cannot be started."""
+
+    def __init__(self, limits: CaptureLimits = QUICK) -> None:
+        self.gives, self.broken = False, ""
+        self.starts = self.reads = 0
+        self.capture = Capture("camera", self, lambda: None, self._step, limits)
+
+    def start(self) -> None:
+        self.starts += 1
+        if self.broken:
+            raise AdapterError(self.broken)
+
+    def stop(self) -> None:
+        """Nothing to let go of."""
+
+    def _step(self, timeout: float) -> bool:
+        self.reads += 1
+        time.sleep(timeout)
+        return self.gives
+
+    def __enter__(self) -> Self:
+        self.capture.start()
+        self.capture.want(1)
+        return self
+
+    def __exit__(self, *_raised: object) -> None:
+        self.capture.close()
+
+
+def test_a_source_may_take_longer_to_start_than_between_two_that_it_gives():
+    with Scripted() as source:
+        assert eventually(lambda: source.reads > 3 * QUICK.stall / QUICK.read)
+        assert (source.capture.state, source.starts) == (CaptureState("starting"), 1)
+        source.gives = True
+        assert eventually(lambda: source.capture.state == CaptureState("live"))
+        source.gives = False
+        assert eventually(lambda: source.capture.state.reason == "the camera gave nothing for 0.2 s")
+
+
+def test_a_source_that_never_begins_is_given_up_and_tried_again():
+    with Scripted(CaptureLimits(opening=0.1, stall=60.0, read=0.02, first_retry=0.02, last_retry=0.02)) as source:
+        assert eventually(lambda: source.starts > 2)
+        assert source.capture.state.reason == "the camera gave nothing for 0.1 s"
+
+
+def test_why_it_failed_is_known_while_it_starts_again_and_forgotten_when_it_works():
+    with Scripted() as source:
+        source.gives = True
+        assert eventually(lambda: source.capture.state.status == "live")
+        source.gives, source.broken = False, "somebody has pulled it out"
+        assert eventually(lambda: source.capture.state == CaptureState("failed", "somebody has pulled it out"))
+        source.broken = ""
+        assert eventually(lambda: source.capture.state == CaptureState("starting", "somebody has pulled it out"))
+        source.gives = True
+        assert eventually(lambda: source.capture.state == CaptureState("live"))

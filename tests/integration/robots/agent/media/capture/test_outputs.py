@@ -1,0 +1,84 @@
+"""A loudspeaker that fails: it is let go of, tried again after a pause, and nothing that it raises ends the others' sound."""
+
+import time
+
+import pytest
+
+from robots.agent.media.capture import outputs
+from robots.agent.media.capture.outputs import OutputFeed
+from robots.agent.media.capture.sound import BLOCK, SoundEncoder
+from robots.agent.robot_interface import AdapterError
+from tests.support.simulators import eventually
+from tests.support.sound_server import sine
+
+
+class Loudspeaker:
+    """Refuses what it is told to refuse, as a device does that another program has."""
+
+    def __init__(self) -> None:
+        self.refuses: set[str] = set()
+        self.starts = self.stops = self.played = 0
+
+    def start(self) -> None:
+        self.starts += 1
+        self._do("start")
+
+    def stop(self) -> None:
+        self.stops += 1
+        self._do("stop")
+
+    def play(self, samples) -> None:
+        self._do("play")
+        self.played += len(samples)
+
+    def _do(self, what: str) -> None:
+        if what in self.refuses:
+            raise AdapterError("the loudspeaker default cannot be used: another program uses it")
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    monkeypatch.setattr(outputs, "IDLE", 0.1)
+    monkeypatch.setattr(outputs, "FIRST_RETRY", 0.2)
+    monkeypatch.setattr(outputs, "STEADY", 0.1)
+
+
+def talk(feed: OutputFeed, until) -> bool:
+    encoder, second = SoundEncoder(), sine(440.0, BLOCK)
+
+    def spoke() -> bool:
+        feed.hear(encoder.encode(second)[0])
+        time.sleep(0.01)
+        return until()
+
+    return eventually(spoke)
+
+
+@pytest.mark.parametrize("what", ["start", "play"])
+def test_a_loudspeaker_that_refuses_is_let_go_of_and_tried_again_after_a_pause(quick, what):
+    speaker = Loudspeaker()
+    speaker.refuses = {what}
+    feed = OutputFeed(speaker, None)
+    feed.start()
+    began = time.monotonic()
+    assert talk(feed, lambda: speaker.starts == 3)
+    assert time.monotonic() - began > 0.2 + 0.4 - 0.01, "pauses that grow"
+    assert feed.errors == ("the loudspeaker default cannot be used: another program uses it",)
+    if what == "play":
+        assert speaker.stops >= 2
+    speaker.refuses = set()
+    assert talk(feed, lambda: speaker.played > 0 and feed.errors == ())
+    feed.close()
+
+
+def test_a_loudspeaker_that_cannot_even_be_let_go_of_plays_again(quick):
+    speaker = Loudspeaker()
+    feed = OutputFeed(speaker, None)
+    feed.start()
+    for round_ in (1, 2):
+        speaker.refuses = set()
+        assert talk(feed, lambda round_=round_: speaker.starts == round_ and speaker.played > 0)
+        speaker.refuses = {"stop"}
+        assert eventually(lambda round_=round_: speaker.stops == round_), "it rests after a while"
+        speaker.played = 0
+    feed.close()

@@ -1,0 +1,118 @@
+"""A robot whose own screen's page gives picture and sound."""
+
+import asyncio
+from collections.abc import AsyncIterator
+
+import pytest
+
+from robots.agent.media import MediaSide
+from robots.agent.media.capture.page_sources import MISSING_VIDEO
+from robots.agent.media.pixels import video_frame
+from robots.agent.robot_interface import FROM_PAGE
+from tests.support.loopback_peer import Exchange, LoopbackPage, until
+from tests.support.visitor_tracks import SpeakingPage
+
+GREEN, BLUE = (30, 160, 40), (20, 40, 180)
+
+
+class Robot:
+    """A media side without camera and microphone, and pages."""
+
+    def __init__(self, exchange: Exchange, **sources: str) -> None:
+        self.exchange, self.pages = exchange, []
+        self.media = MediaSide(viewers=4, on_command=exchange.on_command, reply=exchange.reply, **{"video": FROM_PAGE, "audio": FROM_PAGE} | sources)
+        self.media.start()
+
+    async def screen(self, peer: str, colour: tuple[int, int, int]) -> SpeakingPage:
+        page = SpeakingPage(self.media, self.exchange, peer)
+        self.pages.append(page)
+        page.send(hertz=440.0, colour=colour)
+        await page.connect("screen")
+        return page
+
+    async def viewer(self, peer: str = "p1") -> LoopbackPage:
+        page = LoopbackPage(self.media, self.exchange, peer)
+        self.pages.append(page)
+        await page.connect()
+        return page
+
+    async def close(self) -> None:
+        for page in self.pages:
+            await page.close()
+        await asyncio.to_thread(self.media.close)
+
+
+@pytest.fixture
+async def robot(exchange) -> AsyncIterator[Robot]:
+    robot = Robot(exchange)
+    yield robot
+    await robot.close()
+
+
+def shows(page: LoopbackPage, colour: tuple[int, int, int]) -> bool:
+    if not page.images:
+        return False
+    seen = page.images[-1].reshape(-1, 3).mean(axis=0)
+    return all(abs(part - wanted) < 20 for part, wanted in zip(seen, colour, strict=True))
+
+
+async def test_what_the_robots_page_sees_and_hears_reaches_who_watches_before_and_after(robot) -> None:
+    before = await robot.viewer("before")
+    assert robot.media.camera.status == "starting"
+    await until(lambda: robot.media.camera.reason == MISSING_VIDEO and MISSING_VIDEO in robot.media.errors, what="why there is none")
+    await robot.screen("screen", GREEN)
+    after = await robot.viewer("after")
+    await until(lambda: shows(before, GREEN) and shows(after, GREEN), what="its picture")
+    await until(lambda: before.sounds > 10 and after.sounds > 10, what="its sound")
+    assert robot.media.camera.status == robot.media.microphone.status == "live"
+    clock = await until(lambda: after.clocks() and after.clocks()[-1], what="when it was taken")
+    assert clock.rate == 90_000
+
+
+async def test_of_two_such_pages_the_newer_gives_and_the_picture_goes_on(robot) -> None:
+    viewer = await robot.viewer()
+    await robot.screen("screen", GREEN)
+    await until(lambda: shows(viewer, GREEN))
+    await robot.screen("screen-2", BLUE)
+    await until(lambda: shows(viewer, BLUE), what="the newer page's picture")
+
+
+async def test_a_page_that_is_closed_is_told_as_missing_and_the_next_one_shows_again(robot) -> None:
+    viewer = await robot.viewer()
+    screen = await robot.screen("screen", GREEN)
+    await until(lambda: shows(viewer, GREEN))
+    await screen.connection.close()
+    await until(lambda: robot.media.camera.status == "failed", 15.0, "its end")
+    await robot.screen("screen", BLUE)
+    await until(lambda: shows(viewer, BLUE) and robot.media.camera.status == "live", 15.0, "the next page's picture")
+
+
+async def test_a_photo_is_taken_from_it(robot) -> None:
+    assert await asyncio.to_thread(robot.media.snapshot) is None
+    await robot.screen("screen", BLUE)
+    frame = await until(lambda: robot.media.camera.status == "live" and True) and await asyncio.to_thread(robot.media.snapshot)
+    assert (frame.width, frame.height) == (320, 240)
+    seen = video_frame(frame).to_ndarray(format="rgb24").reshape(-1, 3).mean(axis=0)
+    assert all(abs(part - wanted) < 20 for part, wanted in zip(seen, BLUE, strict=True))
+
+
+async def test_what_a_driver_sends_is_never_taken_for_the_robots_picture(robot) -> None:
+    viewer = await robot.viewer()
+    page = SpeakingPage(robot.media, robot.exchange, "driver")
+    robot.pages.append(page)
+    robot.media.lease_changed("driver")
+    page.send(hertz=300.0, colour=GREEN)
+    await page.connect("driver")
+    await robot.screen("screen", BLUE)
+    await until(lambda: shows(viewer, BLUE))
+    assert not any(abs(image.reshape(-1, 3).mean(axis=0)[1] - GREEN[1]) < 20 for image in viewer.images)
+
+
+async def test_a_page_learns_by_the_answer_whether_it_is_to_give_anything(exchange) -> None:
+    directions = {}
+    for name, sources in (("asked", {}), ("not asked", {"video": None, "audio": None})):
+        robot = Robot(exchange, **sources)
+        page = await robot.screen(name, GREEN)
+        directions[name] = [line.currentDirection for line in page.connection.getTransceivers()]
+        await robot.close()
+    assert directions == {"asked": ["recvonly", "sendrecv", "sendonly"], "not asked": ["recvonly", "recvonly", "inactive"]}

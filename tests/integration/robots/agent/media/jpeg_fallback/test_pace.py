@@ -1,0 +1,147 @@
+"""When a picture goes through the server: one on its way, for whoever asked, at the driver's pace, as large as comes through in time."""
+
+import itertools
+import random
+
+import pytest
+
+from robots.agent.media.jpeg_fallback.pace import FIRST, FPS, LADDER, MOST_PAGES, PATIENCE, PRESENT, RETRY, Pace, Quality
+
+
+@pytest.fixture
+def pace():
+    return Pace(lambda peer: peer == "driver")
+
+
+def test_nothing_is_due_before_anybody_asks(pace):
+    assert pace.wait(10.0) is None
+
+
+def test_a_request_is_answered_at_once_and_once(pace):
+    pace.ask("driver", None, None, 10.0)
+    assert pace.wait(10.0) == 0.0
+    pace.sent(1.0, 10.0)
+    assert pace.wait(11.0) is None
+
+
+def test_pictures_keep_to_their_rate_however_fast_a_page_asks(pace):
+    now, sent = 0.0, 0
+    while now < 10.0:
+        pace.ask("driver", None, 0.0, now)
+        if pace.wait(now) == 0.0:
+            pace.sent(now, now)
+            sent += 1
+        now += 0.003
+    assert sent <= 10 * FPS + 1
+
+
+def test_an_observer_waits_for_the_driver_who_still_has_a_picture_on_the_way(pace):
+    pace.ask("driver", None, None, 0.0)
+    pace.sent(1.0, 0.0)
+    pace.ask("observer", None, None, 0.5)
+    assert pace.wait(0.5) == pytest.approx(PRESENT - 0.5)
+    pace.ask("driver", 1.0, 0.0, 0.7)
+    assert pace.wait(0.7) == 0.0
+
+
+def test_an_observer_is_served_when_the_driver_has_gone_silent(pace):
+    pace.ask("driver", None, None, 0.0)
+    pace.sent(1.0, 0.0)
+    pace.ask("observer", None, None, 2.5)
+    assert pace.wait(PRESENT + 0.1) == 0.0
+    assert pace.watching(PRESENT + 0.1) == {"observer"}
+
+
+def test_a_slow_observer_costs_the_driver_neither_pictures_nor_quality(pace):
+    for step in range(1, 60):
+        now = step * 0.2
+        pace.ask("driver", now - 0.2, 0.0, now - 0.12)
+        if step % 10 == 0:
+            pace.ask("observer", 0.0, 0.0, now - 0.05)
+        assert pace.wait(now) == 0.0
+        pace.sent(now, now)
+    assert pace.quality.rung <= FIRST
+
+
+def test_a_camera_without_a_picture_is_asked_again_after_a_while(pace):
+    pace.ask("driver", None, None, 0.0)
+    pace.failed(0.0)
+    assert pace.wait(0.1) == pytest.approx(RETRY - 0.1)
+    assert pace.wait(RETRY) == 0.0
+
+
+def test_invented_peers_take_no_memory(pace):
+    for number in range(10 * MOST_PAGES):
+        pace.ask(f"p{number}", None, None, 0.0)
+    assert len(pace.watching(0.0)) == MOST_PAGES
+    assert pace.watching(PRESENT) == frozenset()
+
+
+def drive(quality_of_link, seconds, pace, start=0.0, round_trip=0.05):
+    """Play a driver on a link of some bytes a second; `start` is when it begins."""
+    sizes = (16_000, 10_000, 6_500, 4_500, 3_200, 2_000)
+    now, seen, ages = start, None, []
+    while now < start + seconds:
+        pace.ask("driver", seen, round_trip, now)
+        now += pace.wait(now)
+        took = round_trip + sizes[pace.quality.rung] / quality_of_link
+        seen = now
+        pace.sent(seen, now)
+        ages.append(took)
+        now += took
+    return ages
+
+
+def test_on_a_good_network_the_picture_becomes_the_best(pace):
+    drive(2e6, 30.0, pace)
+    assert pace.quality.rung == 0
+
+
+def test_on_a_narrow_network_it_shrinks_until_it_comes_in_time(pace):
+    ages = drive(15_000.0, 30.0, pace)
+    assert sum(age > 0.5 for age in ages[10:]) / len(ages) < 0.1
+    assert len(ages) / 30.0 > 2.0
+
+
+def test_a_long_way_alone_does_not_make_pictures_worse(pace):
+    drive(2e6, 60.0, pace, round_trip=0.6)
+    assert pace.quality.rung == 0
+
+
+def test_it_recovers_when_the_network_does(pace):
+    drive(8_000.0, 20.0, pace)
+    assert pace.quality.rung == len(LADDER) - 1
+    drive(2e6, 300.0, pace, start=20.0)
+    assert pace.quality.rung == 0
+
+
+def test_a_request_that_has_not_seen_the_last_picture_makes_the_next_one_smaller(pace):
+    pace.ask("driver", None, None, 0.0)
+    pace.sent(1.0, 0.0)
+    pace.ask("driver", None, None, 2.0)
+    assert pace.quality.rung == FIRST + 1
+
+
+def test_steps_up_that_come_to_nothing_become_rarer():
+    quality, ups = Quality(), []
+    for number in range(2000):
+        before = quality.rung
+        quality.took(0.01 if quality.rung >= FIRST else 1.0)
+        if quality.rung < before:
+            ups.append(number)
+    gaps = [second - first for first, second in itertools.pairwise(ups)]
+    assert gaps[0] >= PATIENCE
+    assert gaps[-1] >= 8 * gaps[0]
+
+
+def test_whatever_is_asked_there_is_a_rung():
+    rng, pace = random.Random(4), Pace(lambda peer: peer == "p1")
+    now = 0.0
+    for _ in range(3000):
+        now += rng.expovariate(20.0)
+        pace.ask(rng.choice(["p1", "p2", "p3"]), rng.choice([None, now, 0.0]), rng.choice([None, 0.0, 0.05, 1e6]), now)
+        wait = pace.wait(now)
+        assert wait is None or wait >= 0.0
+        assert pace.rung() in LADDER
+        if wait == 0.0:
+            pace.sent(rng.choice([now, 0.0]), now)

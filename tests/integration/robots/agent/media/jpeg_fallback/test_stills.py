@@ -1,0 +1,118 @@
+"""Pictures through the server: made when asked for, and the camera rests when nobody asks."""
+
+import asyncio
+import threading
+import time
+
+import av
+import numpy as np
+import pytest
+
+from robots.agent.media import MediaSide
+from robots.agent.media.jpeg_fallback.stills import LIMIT, SlowPictures
+from robots.agent.robot_interface import Frame
+from robots.api import picture
+from robots.api.messages import PictureRequest
+from tests.support.loopback_peer import until
+
+
+class Viewer:
+    """A page that asks, and a camera that counts how often it was used."""
+
+    def __init__(self, frames):
+        self.arrived, self.frames, self.taken = [], frames, 0
+        self.news = threading.Condition()
+        self.pictures = SlowPictures(self.snapshot, self.take, lambda peer: peer == "driver")
+
+    def snapshot(self):
+        self.taken += 1
+        return self.frames()
+
+    def take(self, payload, _peers):
+        with self.news:
+            self.arrived.append(picture.unpack(payload))
+            self.news.notify_all()
+
+    def ask(self, peer="driver", seen=None):
+        self.pictures.ask(peer, PictureRequest(stamp=time.time(), seen=seen, round_trip=0.0))
+
+    def wait(self, number):
+        with self.news:
+            assert self.news.wait_for(lambda: len(self.arrived) >= number, timeout=20.0)
+        return self.arrived[number - 1]
+
+
+@pytest.fixture
+def viewer():
+    rng = np.random.default_rng(3)
+    made = Viewer(lambda: Frame(rng.integers(0, 255, (480, 640, 3), dtype=np.uint8), time.time()))
+    yield made
+    made.pictures.close()
+
+
+def size(jpeg):
+    frame = av.CodecContext.create("mjpeg", "r").decode(av.Packet(jpeg))[0]
+    return frame.width, frame.height
+
+
+def test_one_request_brings_one_picture_with_its_moment(viewer):
+    before = time.time()
+    viewer.ask()
+    stamp, jpeg = viewer.wait(1)
+    assert before <= stamp <= time.time()
+    assert size(jpeg)[0] <= 480
+    assert size(jpeg)[0] * 3 == size(jpeg)[1] * 4
+    viewer.ask("other")
+    assert viewer.pictures.watching() == {"driver", "other"}
+    assert viewer.taken == 1
+
+
+def test_a_page_that_goes_on_asking_gets_picture_after_picture(viewer):
+    viewer.ask()
+    for number in range(1, 6):
+        viewer.ask(seen=viewer.wait(number)[0])
+    assert viewer.wait(6)[0] > viewer.wait(1)[0]
+
+
+def test_even_a_picture_of_pure_noise_fits_into_its_message(viewer):
+    viewer.ask()
+    for number in range(1, 15):
+        viewer.ask(seen=viewer.wait(number)[0])
+    assert max(len(picture.pack(stamp, jpeg)) for stamp, jpeg in viewer.arrived) <= LIMIT
+
+
+def test_a_camera_that_fails_now_and_then_goes_on_afterwards():
+    frames = iter([None, Frame(np.zeros((4, 4), dtype=np.uint8), 1.0), Frame(np.zeros((480, 640, 3), dtype=np.uint8), 2.0)])
+    viewer = Viewer(lambda: next(frames))
+    viewer.ask()
+    assert viewer.wait(1)[0] == 2.0
+    viewer.pictures.close()
+
+
+def nothing(*_):
+    """Hear nothing of a page's frames and answers."""
+
+
+async def test_the_media_side_counts_whoever_is_sent_pictures_and_rests_the_camera_after_them(camera):
+    pictures = []
+    side = MediaSide(
+        video=camera, audio=None, viewers=2, on_command=nothing, reply=nothing, on_picture=lambda payload, _peer: pictures.append(payload)
+    )
+    side.start()
+    try:
+        side.picture_wanted(PictureRequest(stamp=1.0, peer="p1"))
+        await until(lambda: pictures)
+        assert side.connected == 1
+        assert abs(picture.unpack(pictures[0])[0] - time.time()) < 5.0
+        await until(lambda: not camera.running)
+        await until(lambda: side.connected == 0)
+    finally:
+        await asyncio.to_thread(side.close)
+
+
+async def test_a_robot_without_a_camera_sends_none():
+    side = MediaSide(video=None, audio=None, viewers=2, on_command=nothing, reply=nothing, on_picture=nothing)
+    side.start()
+    side.picture_wanted(PictureRequest(stamp=1.0, peer="p1"))
+    assert side.connected == 0
+    await asyncio.to_thread(side.close)

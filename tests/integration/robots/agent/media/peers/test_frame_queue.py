@@ -1,0 +1,62 @@
+"""How soon a viewer whose queue was emptied is shown something again."""
+
+import asyncio
+from types import SimpleNamespace
+
+import pytest
+
+from robots.agent.media.codecs.encoder import Picture
+from robots.agent.media.peers import frame_queue as outbox
+from robots.agent.media.peers.frame_queue import ONCE, PictureOutbox
+from robots.agent.media.peers.sender_queue import DEPTH
+
+
+class Viewer:
+    """An outbox at a time that the test sets. `asked` has the reasons for key frames."""
+
+    def __init__(self) -> None:
+        self.now, self.number, self.asked = 100.0, 0, []
+        self.box = PictureOutbox(self.asked.append, before=lambda _: None, lost=lambda _: None)
+
+    def put(self, *, key: bool = False) -> None:
+        self.number += 1
+        self.box.put(Picture((b"x",), key, self.number, float(self.number)))
+
+    async def connect(self) -> "asyncio.Task[outbox.Outgoing]":
+        first = asyncio.ensure_future(self.box.take())
+        await asyncio.sleep(0)
+        return first
+
+    def hold_up(self) -> None:
+        """More pictures than fit come before any of them can be sent."""
+        for number in range(DEPTH + 1):
+            self.put(key=number == 0)
+
+
+@pytest.fixture
+def viewer(monkeypatch: pytest.MonkeyPatch) -> Viewer:
+    made = Viewer()
+    monkeypatch.setattr(outbox, "time", SimpleNamespace(monotonic=lambda: made.now))
+    return made
+
+
+async def test_who_was_held_up_before_the_first_picture_waits_for_no_gap_between_key_frames(viewer: Viewer) -> None:
+    first = await viewer.connect()
+    viewer.put()
+    assert viewer.asked == ["joined"]
+    viewer.hold_up()
+    assert viewer.asked == ["joined", "joined"]
+    viewer.put(key=True)
+    assert (await first).timestamp == viewer.number
+
+
+async def test_who_was_held_up_once_is_shown_something_soon_and_who_always_is_waits_for_the_others(viewer: Viewer) -> None:
+    first = await viewer.connect()
+    viewer.put(key=True)
+    await first
+    for _ in range(3):
+        viewer.hold_up()
+        viewer.now += 0.5 * ONCE
+    viewer.now += ONCE
+    viewer.hold_up()
+    assert viewer.asked == ["joined", "lost", "behind", "behind", "lost"]

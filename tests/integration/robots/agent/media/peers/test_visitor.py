@@ -1,0 +1,143 @@
+"""The visitor's voice and face, from the page that drives to the robot's own outputs and to its screen."""
+
+import asyncio
+from collections.abc import AsyncIterator
+
+import numpy as np
+import pytest
+
+from robots.agent.media import MediaSide
+from robots.agent.media.peers.visitor import Continuous
+from robots.agent.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
+from tests.support.loopback_peer import Exchange, LoopbackPage, until
+from tests.support.synthetic_camera import SyntheticCamera, SyntheticMicrophone
+from tests.support.visitor_tracks import SpeakingPage
+
+HERTZ, RED = 700.0, (200, 30, 30)
+
+
+class Robot:
+    """A media side whose robot has a loudspeaker and a display."""
+
+    def __init__(self, exchange: Exchange) -> None:
+        self.speaker, self.display, self.exchange = MeasuringSpeaker(), MeasuringDisplay(), exchange
+        self.media = MediaSide(
+            video=SyntheticCamera(), audio=SyntheticMicrophone(), viewers=4, on_command=exchange.on_command, reply=exchange.reply,
+            outputs=(self.speaker, self.display),
+        )  # fmt: skip
+        self.pages: list[LoopbackPage] = []
+
+    async def visitor(self, peer: str, *, drives: bool = True) -> SpeakingPage:
+        page = SpeakingPage(self.media, self.exchange, peer)
+        self.pages.append(page)
+        if drives:
+            self.media.lease_changed(peer)
+        page.send(hertz=HERTZ, colour=RED)
+        await page.connect("driver")
+        return page
+
+    async def screen(self, peer: str = "screen") -> LoopbackPage:
+        page = LoopbackPage(self.media, self.exchange, peer)
+        self.pages.append(page)
+        await page.connect("screen")
+        return page
+
+
+@pytest.fixture
+async def robot(exchange) -> AsyncIterator[Robot]:
+    robot = Robot(exchange)
+    robot.media.start()
+    yield robot
+    for page in robot.pages:
+        await page.close()
+    await asyncio.to_thread(robot.media.close)
+
+
+def is_red(colour: tuple[float, float, float] | None) -> bool:
+    return colour is not None and all(abs(part - wanted) < 20 for part, wanted in zip(colour, RED, strict=True))
+
+
+async def test_the_drivers_tone_and_colour_reach_the_robots_loudspeaker_and_display(robot) -> None:
+    await robot.visitor("p1")
+    robot.media.let_through(audio=True, video=True)
+    await until(lambda: robot.speaker.played > 24_000 and is_red(robot.display.colour))
+    # A sine at half of full scale, mixed down; where sound was late, there is silence in it.
+    await until(lambda: abs(robot.speaker.tone - HERTZ) < 5 and 0.15 < robot.speaker.level < 0.45, what="the tone, as loud as it is")
+
+
+async def test_the_robots_screen_gets_the_same_tone_and_colour_and_the_loudspeaker_is_silent_meanwhile(robot) -> None:
+    screen = await robot.screen()
+    page = await robot.visitor("p1")
+    robot.media.let_through(audio=True, video=True)
+    await until(lambda: screen.images and is_red(tuple(screen.images[-1].reshape(-1, 3).mean(axis=0))) and screen.sounds > 10)
+    assert robot.media.screens == 1
+    assert robot.speaker.played == 0
+    assert page.images, "the visitor sees the robot as before"
+    assert robot.media.connected == 1, "a screen is no viewer"
+
+
+async def test_nothing_passes_before_the_call_lets_it_and_nothing_after(robot) -> None:
+    await robot.visitor("p1")
+    await until(lambda: robot.media.visitor_counts.get("not_let_through", 0) > 20)
+    assert (robot.speaker.played, robot.display.shown) == (0, 0)
+    robot.media.let_through(audio=True, video=False)
+    await until(lambda: robot.speaker.played > 0)
+    robot.media.let_through(audio=False, video=False)
+    for _ in range(2):  # what was on its way
+        refused = robot.media.visitor_counts["not_let_through"]
+        await until(lambda refused=refused: robot.media.visitor_counts["not_let_through"] > refused + 20)
+    played, refused = robot.speaker.played, robot.media.visitor_counts["not_let_through"]
+    await until(lambda: robot.media.visitor_counts["not_let_through"] > refused + 20)
+    assert robot.speaker.played == played
+    assert robot.display.shown == 0
+
+
+async def test_what_somebody_sends_who_does_not_drive_is_counted_and_dropped(robot) -> None:
+    robot.media.let_through(audio=True, video=True)
+    await robot.visitor("p1", drives=False)
+    await until(lambda: robot.media.visitor_counts.get("not_driver", 0) > 20)
+    assert (robot.speaker.played, robot.display.shown) == (0, 0)
+
+
+async def test_whoever_loses_the_robot_is_heard_no_more(robot) -> None:
+    robot.media.let_through(audio=True, video=True)
+    await robot.visitor("p1")
+    await until(lambda: robot.speaker.played > 0)
+    robot.media.lease_changed("p2")
+    await until(lambda: robot.media.visitor_counts.get("not_driver", 0) > 20)
+
+
+async def test_a_screen_that_comes_late_begins_with_a_whole_picture(robot) -> None:
+    await robot.visitor("p1")
+    robot.media.let_through(audio=True, video=True)
+    await until(lambda: robot.display.shown > 5)
+    screen = await robot.screen()
+    await until(lambda: screen.pictures)
+    assert screen.pictures[0][1], "a key frame"
+
+
+async def test_the_volume_that_the_visitor_wants_is_that_of_the_loudspeaker(robot) -> None:
+    await robot.visitor("p1")
+    robot.media.let_through(audio=True, video=False, volume=0.25)
+    await until(lambda: robot.speaker.played > 48_000)
+    assert 0.03 < robot.speaker.level < 0.13
+
+
+def test_the_ticks_of_several_sources_are_one_growing_count() -> None:
+    clock = Continuous(960)
+    counted = [clock.tick("a", 0), clock.tick("a", 960), clock.tick("b", 5_000_000), clock.tick("b", 5_000_960), clock.tick("a", 0)]
+    assert counted == [960, 1920, 2880, 3840, 4800]
+
+
+def test_a_display_measures_the_mean_colour() -> None:
+    display = MeasuringDisplay()
+    assert display.colour is None
+    display.show(np.full((4, 4, 3), (10, 20, 30), dtype=np.uint8))
+    assert display.colour == (10.0, 20.0, 30.0)
+
+
+def test_a_loudspeaker_that_is_given_silence_hears_no_tone() -> None:
+    speaker = MeasuringSpeaker()
+    assert (speaker.level, speaker.tone) == (0.0, 0.0)
+    speaker.play(np.zeros(960, dtype=np.int16))
+    assert (speaker.level, speaker.tone, speaker.played) == (0.0, 0.0, 960)

@@ -1,0 +1,132 @@
+"""Which relay and which address server a robot takes: decided on doubles, found out on the real coturn."""
+
+import asyncio
+
+import pytest
+from aiortc import RTCConfiguration, RTCIceServer, RTCPeerConnection
+
+from robots.agent.broker_link.broker_discovery import believed
+from robots.agent.media.webrtc.relays import FAILURE_HOLDS, HOLDS, Relays, answers
+from robots.agent.media.webrtc.signalling import PageConnection
+from robots.api.messages import IceServer, Offer
+from tests.support.coturn import Coturn
+from tests.support.site import free_port
+
+pytestmark = pytest.mark.broker
+STUN = IceServer(urls=("stun:near.example.org", "stun:far.example.org"))
+TURN = IceServer(urls=("turn:a?transport=udp", "turn:a?transport=tcp", "turns:a"), username="u", credential="c")
+
+
+class World:
+    """Answers after some seconds, or never; `asked` is who was asked."""
+
+    def __init__(self, **delays: float) -> None:
+        self.delays = {"udp": None, "tcp": None, "tls": None, "near": None, "far": None} | delays
+        self.asked: list[str] = []
+        self.now = 0.0
+
+    async def probe(self, server: RTCIceServer) -> bool:
+        scheme, _, rest = server.urls[0].partition(":")
+        way = {"turns": "tls", "turn": rest[-3:], "stun": rest.partition(".")[0]}[scheme]
+        self.asked.append(way)
+        delay = self.delays[way]
+        await asyncio.sleep(0.6 if delay is None else delay)
+        return delay is not None
+
+    def relays(self) -> Relays:
+        return Relays(self.probe, lambda: self.now)
+
+
+@pytest.mark.parametrize(
+    ("delays", "wanted"),
+    [
+        ({"udp": 0.05, "tcp": 0.0, "tls": 0.0}, "turn:a?transport=udp"),
+        ({"tcp": 0.1, "tls": 0.0}, "turn:a?transport=tcp"),
+        ({"tls": 0.1}, "turns:a"),
+        ({}, None),
+    ],
+)
+async def test_the_first_that_answers_is_taken_and_later_ones_wait_for_it_a_moment(delays, wanted):
+    world = World(**delays)
+    turn = await world.relays().usable((TURN,))
+    assert [server.urls for server in turn] == ([[wanted]] if wanted else [])
+    assert all(server.username == "u" and server.credential == "c" for server in turn)
+    assert sorted(world.asked) == ["tcp", "tls", "udp"]
+
+
+async def test_what_was_found_holds_for_a_while():
+    world = World(tcp=0.0)
+    relays = world.relays()
+    for moment, asked in ((0.0, 3), (1.0, 3), (FAILURE_HOLDS + 1.0, 5), (HOLDS + FAILURE_HOLDS, 8)):
+        world.now = moment
+        assert [server.urls for server in await relays.usable((TURN,))] == [["turn:a?transport=tcp"]]
+        await asyncio.gather(*relays._tries.values())
+        assert len(world.asked) == asked, f"after {moment} s"
+
+
+async def test_two_visitors_at_once_ask_once():
+    world = World(udp=0.1)
+    relays = world.relays()
+    await asyncio.gather(relays.usable((TURN,)), relays.usable((TURN,)))
+    assert len(world.asked) == 3
+
+
+@pytest.mark.parametrize(
+    ("delays", "wanted"),
+    [
+        ({"near": 0.0, "far": 0.0, "tcp": 0.0}, ["stun:near.example.org", "turn:a?transport=tcp"]),
+        ({"far": 0.0}, ["stun:far.example.org"]),
+        ({"tcp": 0.0}, ["turn:a?transport=tcp"]),  # no datagram passes: aiortc would wait for the address server, and the page give up
+        ({}, []),
+    ],
+)
+async def test_an_address_server_that_is_silent_is_not_waited_for_again_by_aiortc(delays, wanted):
+    world = World(**delays)
+    assert [server.urls[0] for server in await world.relays().usable((STUN, TURN))] == wanted
+
+
+async def test_a_single_relay_that_is_silent_is_none_and_none_is_none():
+    one = IceServer(urls=("turn:a?transport=tcp",), username="u", credential="c")
+    assert await World().relays().usable((one,)) == []
+    assert [server.urls for server in await World(tcp=0.0).relays().usable((one,))] == [["turn:a?transport=tcp"]]
+    assert await World().relays().usable(()) == []
+
+
+async def test_what_is_doubted_is_asked_for_again():
+    world = World(udp=0.0, near=0.0)
+    relays = world.relays()
+    assert [server.urls[0] for server in await relays.usable((STUN, TURN))] == ["stun:near.example.org", "turn:a?transport=udp"]
+    await asyncio.gather(*relays._tries.values())
+    world.delays |= {"udp": None, "near": None, "tcp": 0.0}
+    relays.doubt()
+    assert [server.urls[0] for server in await relays.usable((STUN, TURN))] == ["turn:a?transport=tcp"]
+
+
+def as_aiortc(server: IceServer) -> RTCIceServer:
+    return RTCIceServer(urls=list(server.urls), username=server.username, credential=server.credential)
+
+
+async def test_a_relay_over_tls_is_believed_by_the_certificates_that_the_agent_was_given(tmp_path):
+    with Coturn(tmp_path) as coturn:
+        page = RTCPeerConnection(RTCConfiguration(iceServers=[]))
+        page.createDataChannel("control")
+        await page.setLocalDescription(await page.createOffer())
+        offer = Offer(sdp=page.localDescription.sdp, ice_servers=(coturn.server("tls"),))
+        for trust, is_relayed in ((None, False), (believed(str(coturn.ca)), True)):
+            connection = PageConnection("ada", None, None, lambda _: None, lambda: None, lambda: None, relays=Relays(trust=trust))
+            assert ("typ relay" in await connection.answer(offer)) is is_relayed
+            await connection.close()
+        await page.close()
+
+
+async def test_the_real_coturn_answers_by_udp_tcp_and_tls_who_has_its_credentials(tmp_path, monkeypatch):
+    with Coturn(tmp_path) as coturn:
+        coturn.trust(monkeypatch)
+        for way in ("udp", "tcp", "tls"):
+            assert await answers(as_aiortc(coturn.server(way))), way
+        assert not await answers(as_aiortc(coturn.server("tcp", secret="another")))
+        closed = RTCIceServer(urls=[f"turn:127.0.0.1:{free_port()}?transport=tcp"], username="u", credential="c")
+        assert not await answers(closed)
+        assert await answers(RTCIceServer(urls=[f"stun:127.0.0.1:{coturn.port}"]))
+    for silent in (f"stun:127.0.0.1:{free_port()}", "stun:127.0.0.1", "stuns:127.0.0.1", "nothing"):
+        assert not await answers(RTCIceServer(urls=[silent])), silent

@@ -1,0 +1,339 @@
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robots.agent.navigation.assistance.assist import Assist, AssistSettings
+from robots.agent.navigation.assistance.steering import SteeringSettings, bounds, helping_turn
+from robots.agent.navigation.assistance.swept import outside
+from robots.agent.navigation.obstacles.memory import into
+from robots.agent.safety.ramp import ZERO
+from robots.agent.simulator.physics.drive import Motion, advance, follow
+from robots.agent.simulator.profiles import GIRAFF, MODELS, RHODON
+from robots.api.geometry import Pose2D
+from robots.api.messages import Velocity
+
+NOTHING = np.zeros((0, 2))
+LEVELS = ["slow", "steer"]
+TICK = 0.02
+STEERING = SteeringSettings()
+START = Pose2D(0.0, 0.0, 0.0)
+
+
+def line(x0, y0, x1, y1, spacing=0.02):
+    count = max(2, int(math.hypot(x1 - x0, y1 - y0) / spacing))
+    return np.column_stack([np.linspace(x0, x1, count), np.linspace(y0, y1, count)])
+
+
+def doorway(x, width=1.0):
+    return np.vstack(
+        [
+            line(x, width / 2, x, 2.0),
+            line(x, -width / 2, x, -2.0),
+            line(x + 0.15, width / 2, x + 0.15, 2.0),
+            line(x + 0.15, -width / 2, x + 0.15, -2.0),
+        ]
+    )
+
+
+WALL = line(1.5, -2.0, 1.5, 2.0)
+
+
+def go(model, level, stick, points, pose=START, *, seconds=10.0, dock=None, until=None, error=0.0):
+    """Drive among world points with a steady stick as the kernel ramps it; return the poses and the last answer."""
+    assist, limits = Assist(model.footprint, model.limits), model.limits
+    told, own, motion, poses, answer = ZERO, ZERO, Motion(0.0, 0.0), [pose], None
+    for _ in range(int(seconds / TICK)):
+        asked = follow(Motion(own.linear, own.angular), Motion(*stick), limits, TICK)
+        near = into(pose, points)
+        goal = pose.inverse().compose(dock) if dock else None
+        answer = assist.shape(Velocity(linear=asked.linear, angular=asked.angular), told, near, level, errors=np.full(len(near), error), dock=goal)
+        told, own = answer.velocity, answer.own
+        motion = follow(motion, Motion(told.linear, told.angular), limits, TICK)
+        pose = advance(pose, motion, TICK)
+        poses.append(pose)
+        if until and until(pose):
+            break
+    return poses, answer
+
+
+def gap(model, pose, points):
+    return float(outside(Assist(model.footprint, model.limits).hull, into(pose, points)).min())
+
+
+# --- what is never done --------------------------------------------------------------------------------------------------
+
+VELOCITIES = st.builds(lambda v, w: Velocity(linear=v, angular=w), st.floats(-0.3, 0.7) | st.just(0.0), st.floats(-0.7, 0.7) | st.just(0.0))
+POINTS = st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), max_size=12).map(lambda found: np.array(found).reshape(-1, 2))
+
+
+@settings(deadline=None, max_examples=100)
+@given(VELOCITIES, VELOCITIES, POINTS, st.sampled_from(LEVELS))
+def test_never_faster_and_never_the_other_way(wanted, current, points, level):
+    told = Assist(GIRAFF.footprint, GIRAFF.limits).shape(wanted, current, points, level).velocity
+    assert min(0.0, wanted.linear) <= told.linear <= max(0.0, wanted.linear)
+    assert abs(told.angular) <= max(abs(wanted.angular), STEERING.turn) + 1e-9
+
+
+@settings(deadline=None, max_examples=100)
+@given(VELOCITIES, VELOCITIES, POINTS)
+def test_slowing_turns_no_further_than_was_asked_and_never_the_other_way(wanted, current, points):
+    told = Assist(GIRAFF.footprint, GIRAFF.limits).shape(wanted, current, points, "slow").velocity
+    assert min(0.0, wanted.angular) <= told.angular <= max(0.0, wanted.angular)
+
+
+@settings(deadline=None, max_examples=100)
+@given(VELOCITIES, VELOCITIES, POINTS)
+def test_steering_stays_on_the_commanded_side(wanted, current, points):
+    told = Assist(GIRAFF.footprint, GIRAFF.limits).shape(wanted, current, points, "steer").velocity
+    help_ = helping_turn(wanted, STEERING)
+    assert min(0.0, wanted.angular) - help_ - 1e-9 <= told.angular <= max(0.0, wanted.angular) + help_ + 1e-9
+    if abs(wanted.angular) >= STEERING.firm * help_:
+        assert told.angular * wanted.angular >= 0.0
+    if wanted.linear <= 0.0:
+        assert min(0.0, wanted.angular) <= told.angular <= max(0.0, wanted.angular)
+
+
+@settings(deadline=None, max_examples=100)
+@given(VELOCITIES, POINTS)
+def test_a_firm_turn_is_halved_at_most_while_nothing_slows_the_robot(wanted, points):
+    answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(wanted, ZERO, points, "steer")
+    if answer.why in {"free", "steer"}:
+        assert abs(answer.velocity.angular) >= STEERING.kept * (abs(wanted.angular) - STEERING.firm * helping_turn(wanted, STEERING)) - 1e-9
+
+
+@settings(deadline=None, max_examples=100)
+@given(VELOCITIES)
+def test_what_may_be_steered_holds_the_driver_s_own_turn_and_grows_steadily_out_of_it(wanted):
+    low, high = bounds(wanted, STEERING)
+    assert low <= wanted.angular <= high
+    firmer = bounds(Velocity(linear=wanted.linear, angular=wanted.angular + 1e-6), STEERING)
+    assert np.allclose(firmer, (low, high), atol=1e-5)
+    mirrored = bounds(Velocity(linear=wanted.linear, angular=-wanted.angular), STEERING)
+    assert mirrored == pytest.approx((-high, -low))
+
+
+@pytest.mark.parametrize("level", ["off", *LEVELS])
+@settings(deadline=None, max_examples=50)
+@given(VELOCITIES, VELOCITIES)
+def test_in_the_open_nothing_is_changed(level, wanted, current):
+    assist = Assist(GIRAFF.footprint, GIRAFF.limits)
+    assert assist.shape(wanted, current, NOTHING, level).velocity == wanted
+    assert assist.shape(wanted, current, np.array([[30.0, 0.0], [math.nan, 0.1]]), level).velocity == wanted
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@settings(deadline=None, max_examples=50)
+@given(VELOCITIES, POINTS)
+def test_a_stop_is_a_stop(level, current, points):
+    assert Assist(GIRAFF.footprint, GIRAFF.limits).shape(ZERO, current, points, level).velocity == ZERO
+
+
+@settings(deadline=None, max_examples=50)
+@given(VELOCITIES, POINTS)
+def test_off_changes_nothing_whatever_is_in_the_way(wanted, points):
+    answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(wanted, ZERO, points, "off", silence=math.inf)
+    assert (answer.velocity, answer.why) == (wanted, "off")
+
+
+@pytest.mark.parametrize("series", sorted(MODELS))
+@pytest.mark.parametrize("level", LEVELS)
+@settings(deadline=None, max_examples=5)
+@given(st.integers(0, 10_000))
+def test_a_driver_who_does_anything_at_all_touches_nothing(series, level, seed):
+    rng, model = np.random.default_rng(seed), MODELS[series]
+    points = np.vstack(
+        [
+            line(1.2, -1.2, 1.2, 1.2),
+            line(-1.2, -1.2, -1.2, 1.2),
+            line(-1.2, 1.2, 1.2, 1.2),
+            line(-1.2, -1.2, 1.2, -1.2),
+            rng.uniform(-1.2, 1.2, (6, 2)),
+        ]
+    )
+    points = points[np.hypot(points[:, 0], points[:, 1]) > 0.5]
+    pose = Pose2D(0.0, 0.0, float(rng.uniform(-3, 3)))
+    for _ in range(8):
+        stick = float(rng.uniform(-model.limits.reverse, model.limits.linear)), float(rng.uniform(-1, 1)) * model.limits.angular
+        poses, _ = go(model, level, stick, points, pose, seconds=float(rng.uniform(0.2, 2.0)))
+        pose = poses[-1]
+        # Each stick begins from a stand here, which cuts the braking of the one before short; so look at every pose.
+        assert min(gap(model, here, points) for here in poses[::3]) > 0.0
+
+
+# --- what it is for ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("series", sorted(MODELS))
+@pytest.mark.parametrize("level", LEVELS)
+def test_a_robot_driven_at_a_wall_stops_before_it_and_can_turn_away(series, level):
+    model = MODELS[series]
+    poses, answer = go(model, level, (model.limits.linear, 0.0), WALL)
+    assert 0.02 < gap(model, poses[-1], WALL) < 0.12
+    assert answer.velocity.linear < 0.02
+    assert answer.side == "ahead"
+    assert answer.why in {"slow", "stop"}
+    assert answer.clearance == pytest.approx(gap(model, poses[-2], WALL), abs=0.01)
+    turned, _ = go(model, level, (0.0, model.limits.angular), WALL, poses[-1], seconds=6.0)
+    assert sum(abs(math.remainder(later.theta - earlier.theta, math.tau)) for earlier, later in pairwise(turned)) > 2.0
+    assert min(gap(model, pose, WALL) for pose in turned) > 0.0
+
+
+def test_the_stop_says_where_the_obstacle_is():
+    answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(Velocity(linear=0.1, angular=0.0), ZERO, np.array([[0.36, 0.1], [-1.0, 0.0]]), "slow")
+    assert (answer.why, answer.side, answer.point) == ("stop", "ahead", (0.36, 0.1))
+    assert answer.clearance == pytest.approx(0.04)
+
+
+@pytest.mark.parametrize(("x", "y", "side"), [(0.6, 0.1, "ahead"), (0.1, 0.6, "left"), (-0.6, -0.1, "behind"), (0.1, -0.6, "right")])
+def test_the_nearest_thing_is_told_even_when_it_changes_nothing(x, y, side):
+    answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(ZERO, ZERO, np.array([[x, y], [1.9, 0.0]]), "slow")
+    assert (answer.why, answer.side, answer.point) == ("free", side, (x, y))
+
+
+@pytest.mark.parametrize("model", [GIRAFF, RHODON], ids=lambda model: model.series)
+@pytest.mark.parametrize("level", LEVELS)
+def test_a_door_of_one_metre_is_passed_at_nearly_full_speed(model, level):
+    points = doorway(2.0)
+    poses, _ = go(model, level, (model.limits.linear, 0.0), points, seconds=12.0, until=lambda pose: pose.x > 3.0)
+    assert poses[-1].x > 3.0
+    at_full = 3.0 / model.limits.linear + model.limits.linear / model.limits.linear_acceleration / 2.0
+    assert len(poses) * TICK < 1.2 * at_full
+
+
+@pytest.mark.parametrize("aside", [-0.35, -0.2, 0.2, 0.35])
+def test_steering_leads_a_driver_who_is_off_to_one_side_through_the_middle_of_a_door(aside):
+    points = doorway(2.0)
+    slowed, _ = go(GIRAFF, "slow", (0.7, 0.0), points, Pose2D(0.0, aside, 0.0), until=lambda pose: pose.x > 2.6)
+    steered, _ = go(GIRAFF, "steer", (0.7, 0.0), points, Pose2D(0.0, aside, 0.0), until=lambda pose: pose.x > 2.6)
+    assert steered[-1].x > 2.6
+    between = [abs(pose.y) for pose in steered if 1.8 < pose.x < 2.3]
+    assert max(between) < abs(aside)
+    assert len(steered) < len(slowed) or abs(aside) < 0.22
+
+
+@pytest.mark.parametrize("aside", [0.1, -0.1, 0.25])
+def test_steering_goes_round_a_thing_in_the_way(aside):
+    post = np.array([1.6, aside]) + 0.12 * np.column_stack([np.cos(np.linspace(0, 6.2, 40)), np.sin(np.linspace(0, 6.2, 40))])
+    slowed, _ = go(GIRAFF, "slow", (0.5, 0.0), post)
+    steered, _ = go(GIRAFF, "steer", (0.5, 0.0), post)
+    assert slowed[-1].x < 1.5
+    assert steered[-1].x > 2.2
+    assert min(gap(GIRAFF, pose, post) for pose in steered) > 0.02
+
+
+def test_a_robot_that_was_stopped_goes_on_saying_why():
+    poses, _ = go(GIRAFF, "slow", (0.7, 0.0), WALL)
+    near = into(poses[-1], WALL)
+    for speed in (0.001, 0.004, 0.02):
+        answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(Velocity(linear=speed, angular=0.0), ZERO, near, "slow")
+        assert answer.why in {"slow", "stop"}
+        assert answer.side == "ahead"
+
+
+def test_steering_leaves_a_straight_drive_along_a_wide_corridor_straight():
+    walls = np.vstack([line(-1.0, 1.0, 6.0, 1.0), line(-1.0, -1.0, 6.0, -1.0)])
+    poses, answer = go(GIRAFF, "steer", (0.5, 0.0), walls, seconds=6.0)
+    assert max(abs(pose.y) for pose in poses) < 0.02
+    assert answer.why == "free"
+
+
+def test_steering_does_not_fight_a_driver_who_turns_firmly_to_a_wall():
+    wall = line(-1.0, 0.8, 6.0, 0.8)
+    poses, _ = go(GIRAFF, "steer", (0.4, 0.7), wall, seconds=4.0)
+    assert all(later.theta >= earlier.theta - 1e-9 for earlier, later in pairwise(poses))
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_a_robot_stays_farther_away_from_what_it_only_remembers(level):
+    behind = line(-0.8, -1.0, -0.8, 1.0)
+    exact, _ = go(GIRAFF, level, (-0.3, 0.0), behind, seconds=6.0)
+    vague, _ = go(GIRAFF, level, (-0.3, 0.0), behind, seconds=6.0, error=0.025)
+    assert gap(GIRAFF, vague[-1], behind) == pytest.approx(gap(GIRAFF, exact[-1], behind) + 0.025, abs=0.005)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_a_robot_turns_no_nearer_to_what_it_remembers_beside_it_and_drives_away_from_there(level):
+    chair = line(-0.12, 0.315, 0.1, 0.315)  # 35 mm beside it: near enough for a corner that nobody saw
+    turned, _ = go(GIRAFF, level, (0.0, -0.7), chair, seconds=3.0, error=0.025)
+    assert min(gap(GIRAFF, pose, chair) for pose in turned) > 0.03
+    left, _ = go(GIRAFF, level, (0.3, 0.0), chair, seconds=3.0, error=0.025)
+    assert left[-1].x > 0.3
+
+
+# --- out of tight spots --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_a_driver_leaves_a_contact_by_the_way_that_is_free_and_no_other(level):
+    touching = line(0.319, -0.14, 0.319, 0.14)  # the nose is a millimetre inside
+    back, _ = go(GIRAFF, level, (-0.3, 0.0), touching, seconds=2.0)
+    assert back[-1].x < -0.2
+    on, answer = go(GIRAFF, level, (0.5, 0.0), touching, seconds=1.0)
+    assert on[-1].x == 0.0
+    assert answer.why == "stop"
+
+
+def test_a_robot_between_two_walls_with_room_for_its_corners_turns_round():
+    walls = np.vstack([line(-2.0, 0.38, 2.0, 0.38), line(-2.0, -0.38, 2.0, -0.38)])
+    poses, _ = go(GIRAFF, "slow", (0.0, 0.7), walls, seconds=12.0)
+    turned = sum(abs(math.remainder(later.theta - earlier.theta, math.tau)) for earlier, later in pairwise(poses))
+    assert turned > math.pi
+    assert min(gap(GIRAFF, pose, walls) for pose in poses) > 0.0
+
+
+def test_a_robot_whose_corner_would_meet_the_wall_drives_on_straight():
+    wall = line(-2.0, 0.31, 4.0, 0.31)
+    turning, answer = go(GIRAFF, "slow", (0.0, -0.7), wall, seconds=2.0)
+    assert min(gap(GIRAFF, pose, wall) for pose in turning) > 0.0
+    assert (answer.why, answer.side) == ("stop", "left")
+    straight, _ = go(GIRAFF, "slow", (0.5, 0.0), wall, seconds=4.0)
+    assert straight[-1].x > 0.3
+
+
+# --- the dock ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.06])
+@pytest.mark.parametrize("level", LEVELS)
+def test_a_station_may_be_touched_by_the_robot_whose_dock_it_is_at_a_creep(level, aside):
+    dock = Pose2D(1.0, 0.0, 0.0)
+    station = line(1.32, -0.28, 1.32, 0.28)  # the docked robot's nose touches it
+    alone, _ = go(GIRAFF, level, (0.5, 0.0), station, Pose2D(0.0, aside, 0.0))
+    assert gap(GIRAFF, alone[-1], station) > 0.02
+    poses, _ = go(GIRAFF, level, (0.5, 0.0), station, Pose2D(0.0, aside, 0.0), dock=dock, seconds=9.0)
+    assert gap(GIRAFF, poses[-1], station) < 0.01
+    last = [later.x - earlier.x for earlier, later in pairwise(poses) if gap(GIRAFF, earlier, station) < 0.02]
+    assert max(last) <= 0.06 * TICK + 1e-9
+
+
+def test_a_robot_that_has_reached_its_dock_pushes_no_further():
+    station = line(0.30, -0.28, 0.30, 0.28)  # a laser that sees it two centimetres too near
+    poses, _ = go(GIRAFF, "slow", (0.5, 0.0), station, Pose2D(-0.01, 0.0, 0.0), dock=Pose2D(0.0, 0.0, 0.0), seconds=3.0)
+    assert poses[-1].x < 0.01
+
+
+@pytest.mark.parametrize("dock", [Pose2D(1.0, 0.0, 2.0), Pose2D(1.0, 0.6, 0.0), Pose2D(-0.4, 0.0, 0.0), Pose2D(3.0, 0.0, 0.0)])
+def test_a_dock_elsewhere_allows_nothing(dock):
+    poses, _ = go(GIRAFF, "slow", (0.5, 0.0), line(1.0, -0.5, 1.0, 0.5), dock=dock)
+    assert gap(GIRAFF, poses[-1], line(1.0, -0.5, 1.0, 0.5)) > 0.02
+
+
+# --- a laser that is silent ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("silence", [0.51, math.inf, math.nan])
+def test_a_laser_that_is_silent_stops_the_robot_and_says_so(level, silence):
+    answer = Assist(GIRAFF.footprint, GIRAFF.limits).shape(Velocity(linear=0.3, angular=0.2), ZERO, NOTHING, level, silence=silence)
+    assert (answer.velocity, answer.why) == (ZERO, "blind")
+
+
+def test_a_sweep_that_is_a_little_late_is_no_silence():
+    answer = Assist(GIRAFF.footprint, GIRAFF.limits, AssistSettings(silence=0.5)).shape(
+        Velocity(linear=0.3, angular=0.2), ZERO, NOTHING, "slow", silence=0.4
+    )
+    assert answer.why == "free"

@@ -1,0 +1,177 @@
+"""Into the charging station and out of it, in simulation."""
+
+import math
+
+import pytest
+from msgspec.structs import replace
+
+from robots.agent.navigation.navigator import Navigator
+from robots.agent.navigation.planning.costmap import NoWayError
+from robots.agent.navigation.planning.follower import Followed, Follower
+from robots.agent.safety.ramp import ZERO
+from robots.agent.simulator.physics.drive import STILL
+from robots.agent.simulator.physics.simulation import Simulation
+from robots.agent.simulator.profiles import GIRAFF, MODELS, RobotModel
+from robots.api.floorplan import Furniture
+from robots.world.sites import load_site
+from tests.support.navigation_rig import Rig
+
+pytestmark = pytest.mark.long
+
+SITE = load_site("office")
+BOTH = sorted(MODELS.items())
+
+
+def rig(start: str, model: RobotModel = GIRAFF, seed: int = 1) -> Rig:
+    return Rig(Simulation(model, SITE.plan, seed=seed, start=start), SITE.grid, seed)
+
+
+@pytest.mark.parametrize(("series", "model"), BOTH)
+def test_from_another_room_the_robot_docks_and_stays_docked(series: str, model: RobotModel) -> None:
+    made = rig("corridor-centre", model)
+    made.navigator.dock()
+    done = made.run(120.0)
+    assert (done.status, made.sim.docked, made.sim.contacts) == ("FINISHED", True, 0)
+    made.settle()
+    assert made.sim.docked
+    assert made.sim.motion == STILL
+    assert made.reasons == ["looks for the charging station"]
+
+
+@pytest.mark.parametrize(("series", "model"), BOTH)
+def test_undocking_leaves_room_to_turn_and_ends_with_the_station_behind(series: str, model: RobotModel) -> None:
+    made = rig("dock", model)
+    before = made.sim.pose.theta
+    made.navigator.undock()
+    done = made.run(30.0)
+    assert (done.status, made.sim.docked, made.sim.contacts) == ("FINISHED", False, 0)
+    assert made.sim.clearance() > 0.1
+    assert abs(math.remainder(made.sim.pose.theta - before, math.tau)) > math.pi - 0.2
+
+
+def test_a_robot_that_has_no_room_to_turn_before_its_station_is_out_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Follower, "turn", lambda *_: Followed(ZERO, "held", "thing"))
+    made = rig("dock")
+    made.navigator.undock()
+    done = made.run(30.0)
+    assert (done.status, made.sim.docked) == ("FINISHED", False)
+    assert abs(math.remainder(made.sim.pose.theta - math.pi, math.tau)) < 0.1
+
+
+def test_undocking_backs_out_first_and_turns_then() -> None:
+    made = rig("dock")
+    made.navigator.undock()
+    seen = []
+    while (step := made.step()).status == "RUNNING":
+        seen.append((round(step.progress, 6), abs(math.remainder(made.sim.pose.theta - math.pi, math.tau)) > 0.1))
+    assert [progress for progress, _ in seen] == sorted(progress for progress, _ in seen)
+    assert {turned for progress, turned in seen if progress < 0.5} == {False}
+    assert {turned for progress, turned in seen if progress > 0.6} == {True}
+
+
+def test_docking_a_docked_robot_and_undocking_a_free_one_are_done_where_they_stand() -> None:
+    docked = rig("dock")
+    docked.navigator.dock()
+    assert docked.run(3.0).status == "FINISHED"
+    assert docked.sim.distance < 0.01
+    free = rig("lab-centre")
+    free.navigator.undock()
+    assert (free.run(2.0).status, free.sim.distance) == ("FINISHED", 0.0)
+
+
+def test_a_robot_that_slipped_out_a_little_finds_its_way_in_again() -> None:
+    made = rig(f"0.65,6.36,{math.pi - 0.15}")
+    assert not made.sim.docked
+    made.navigator.dock()
+    assert made.run(90.0).status == "FINISHED"
+    assert made.sim.docked
+
+
+def test_contacts_that_never_meet_are_tried_three_times_and_then_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = rig("lab-centre")
+    monkeypatch.setattr(made.sim, "_in_dock", lambda: False)
+    made.navigator.dock()
+    done = made.run(240.0)
+    assert (done.status, made.sim.docked) == ("FAILED", False)
+    assert done.reason == "the robot could not dock in 3 tries: the contacts did not meet"
+    assert sum("backs out" in reason for reason in made.reasons) == 3
+    made.settle()
+    assert made.sim.motion == STILL
+    assert made.sim.clearance() > 0.1
+
+
+def test_a_robot_beside_an_open_door_backs_off_though_it_can_still_creep() -> None:
+    """It may turn by a degree now and then: that is no way on."""
+    made = rig("1.88,2.76,1.67")
+    made.navigator.dock()
+    done = made.run(45.0)
+    assert (done.status, made.sim.docked, made.sim.contacts) == ("FINISHED", True, 0)
+    assert "backs off" in made.reasons
+
+
+def test_a_station_behind_closed_doors_cannot_be_reached() -> None:
+    made = rig("2.0,1.0,1.5708")
+    made.sim.set_doors({"lab-door": "closed", "lounge-door": "closed"})
+    made.navigator.dock()
+    done = made.run(150.0)
+    assert done.status == "FAILED"
+    assert done.reason.startswith("the charging station cannot be reached: blocked: Laboratory door is closed")
+
+
+def test_a_station_that_is_not_where_the_map_has_it_is_looked_for_and_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("robots.agent.navigation.docking.station.find", lambda *_: None)
+    made = rig("lab-centre")
+    made.navigator.dock()
+    done = made.run(200.0)
+    assert done.status == "FAILED"
+    assert "no charging station is to be seen where the map has it" in done.reason
+
+
+def test_a_robot_without_a_station_on_the_plan_is_told_so() -> None:
+    nowhere = Navigator(SITE.grid, None, Simulation(GIRAFF, SITE.plan, seed=1).footprint, GIRAFF.limits, "giraff")
+    with pytest.raises(NoWayError, match="no charging station for giraff"):
+        nowhere.dock()
+
+
+def test_a_laser_that_falls_silent_in_the_last_metre_stops_the_robot() -> None:
+    made = rig("1.6,6.2,3.1")
+    made.navigator.dock()
+    while made.sim.pose.x > 0.9:
+        assert made.step().status == "RUNNING"
+    made.laser_works = False
+    done = made.run(10.0)
+    assert (done.status, done.reason) == ("FAILED", "the laser is silent")
+    assert made.sim.motion == STILL
+
+
+def test_wheels_that_stop_in_the_last_metre_end_the_task() -> None:
+    made = rig("1.6,6.2,3.1")
+    made.navigator.dock()
+    while made.sim.pose.x > 1.0:
+        assert made.step().status == "RUNNING"
+    made.wheels_turn = False
+    done = made.run(60.0)
+    assert done.status == "FAILED"
+    assert "the wheels do not turn" in done.reason
+
+
+def test_who_loses_the_map_on_the_last_metre_docks_all_the_same() -> None:
+    made = rig("1.6,6.2,3.1")
+    made.navigator.dock()
+    while made.sim.pose.x > 1.0:
+        assert made.step().status == "RUNNING"
+    made.knows_where = False
+    assert made.run(30.0).status == "FINISHED"
+    assert made.sim.docked
+
+
+def test_a_box_before_the_station_keeps_the_robot_out_and_is_not_touched() -> None:
+    box = Furniture(name="parcel", kind="box", x=0.62, y=6.3, width=0.2, depth=0.2, height=0.5)
+    sim = Simulation(GIRAFF, replace(SITE.plan, furniture=(*SITE.plan.furniture, box)), seed=1, start="1.6,6.2,3.1")
+    made = Rig(sim, SITE.grid, 1)
+    made.navigator.dock()
+    done = made.run(400.0)
+    assert (done.status, made.sim.contacts, made.sim.docked) == ("FAILED", 0, False)
+    assert done.reason.startswith("the robot could not dock in 3 tries: ")
+    made.settle()
+    assert made.sim.motion == STILL

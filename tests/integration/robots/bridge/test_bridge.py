@@ -1,0 +1,321 @@
+"""The web process's bridge on real brokers: relay both ways, reconnection, and what is never replayed."""
+
+import asyncio
+import contextlib
+import random
+import time
+from dataclasses import replace
+
+import aiomqtt
+import msgspec
+import pytest
+
+from robots.api import codec, picture, topics
+from robots.api import messages as m
+from robots.bridge.bridge import REPORTS_FLYING, STOP_SECONDS, Bridge
+from robots.bridge.delivery import LINK, NEWS
+from tests.support import words
+from tests.support.broker_rig import HOST, KINDS, BrokerRig
+from tests.support.pages import until
+from tests.support.patience import patient
+
+pytestmark = pytest.mark.broker
+LEASE = m.Lease(session="s1", epoch=3, peer="p1", who="Ada", renewal=0, stamp=1.0)
+
+
+class Ear:
+    """A listener that keeps what it hears."""
+
+    def __init__(self):
+        self.letters = []
+
+    def hear(self, letter):
+        self.letters.append(letter)
+
+    def heard(self, suffix):
+        return [letter.message for letter in self.letters if letter.suffix == suffix]
+
+
+@pytest.fixture(params=KINDS)
+async def rig(request, tmp_path):
+    rig = BrokerRig(request.param, tmp_path)
+    await rig.start()
+    await rig.robot("giraff")
+    yield rig
+    await rig.stop()
+
+
+@contextlib.asynccontextmanager
+async def bridge_of(rig, seed=1):
+    bridge = Bridge(f"mqtt://{HOST}:{rig.port}", ("web", rig.tokens["web"]), random.Random(seed))
+    try:
+        assert await bridge.wait_connected(patient(5))
+        yield bridge
+    finally:
+        await bridge.close()
+
+
+@contextlib.asynccontextmanager
+async def robot_of(rig):
+    """The robot's side: `got` are the (suffix, message, retained) of its inputs."""
+    async with rig.client("giraff") as client:
+        client.got = []
+        await client.subscribe([pair for pair in topics.subscriptions("giraff") if not pair[0].endswith("/connection")])
+
+        async def read():
+            async for message in client.messages:
+                _, suffix = topics.parse(str(message.topic))
+                client.got.append((suffix, codec.decode(suffix, message.payload) if message.payload else None, message.retain))
+
+        reading = asyncio.create_task(read())
+        try:
+            yield client
+        finally:
+            reading.cancel()
+            await asyncio.gather(reading, return_exceptions=True)
+
+
+async def listen(bridge, *ears):
+    """Have ears listen to the robot, and wait until the broker knows."""
+    known = [bridge.listen("giraff", ear) for ear in ears].pop()
+    await until(lambda: not bridge._flying)
+    return known
+
+
+async def say(client, suffix, message, *, qos=1, retain=False):
+    await client.publish(topics.of("giraff", suffix), codec.encode(message), qos=qos, retain=retain)
+
+
+async def test_what_a_robot_says_is_brought_to_whoever_listens_and_what_is_said_to_it_arrives(rig):
+    async with bridge_of(rig) as bridge, robot_of(rig) as robot:
+        ear = Ear()
+        known = await listen(bridge, ear)
+        await say(robot, "connection", words.online(), retain=True)
+        await until(lambda: known.online)
+        await say(robot, "state", words.state(seq=1))
+        await say(robot, "signal/p1/reply", m.Answer(sdp="v=0"))
+        await until(lambda: ear.heard("state") and ear.heard("signal/p1/reply"))
+        assert bridge.send("giraff", "command/velocity", words.velocity())
+        assert bridge.send("giraff", "signal/p1", m.Bye(reason="left"))
+        assert bridge.publish_lease("giraff", LEASE)
+        await until(lambda: len(robot.got) == 3)
+    assert {suffix for suffix, _, _ in robot.got} == {"command/velocity", "signal/p1", "lease"}
+
+
+async def test_a_listener_that_comes_later_learns_what_is_retained(rig):
+    async with bridge_of(rig) as bridge, robot_of(rig) as robot:
+        await say(robot, "connection", words.online(), retain=True)
+        await say(robot, "factsheet", words.factsheet(), retain=True)
+        bridge.publish_lease("giraff", LEASE)
+        await until(lambda: robot.got)
+        known = bridge.listen("giraff", Ear())
+        await until(lambda: known.online and known.factsheet and known.lease)
+        assert known.lease == LEASE
+
+
+async def test_a_robot_that_nobody_listens_to_costs_nothing(rig):
+    async with bridge_of(rig) as bridge, robot_of(rig) as robot:
+        one, two = Ear(), Ear()
+        await listen(bridge, one, two)
+        await say(robot, "state", words.state(seq=1))
+        await until(lambda: one.heard("state") and two.heard("state"))
+        bridge.ignore("giraff", one)
+        await say(robot, "state", words.state(seq=2))
+        await until(lambda: len(two.heard("state")) == 2)
+        bridge.ignore("giraff", two)
+        await until(lambda: not bridge._flying)
+        await say(robot, "state", words.state(seq=3))
+        await listen(bridge, one)
+        await say(robot, "state", words.state(seq=4))
+        await until(lambda: one.heard("state") and one.heard("state")[-1].seq == 4)
+        assert [state.seq for state in one.heard("state")] == [1, 4]
+        assert bridge.counts["arrived"] == 3
+
+
+async def test_news_of_a_session_go_to_its_followers_in_every_web_process(rig):
+    async with bridge_of(rig, 1) as here, bridge_of(rig, 2) as there:
+        one, two, other = Ear(), Ear(), Ear()
+        here.follow("s1", one)
+        there.follow("s1", two)
+        there.follow("s2", other)
+        here.tell_session(m.ServerNews(type="warning", stamp=1.0, session="s1", remaining=9.0))
+        await until(lambda: one.heard(NEWS) and two.heard(NEWS))
+        there.unfollow("s1", two)
+        here.tell_session(m.ServerNews(type="ended", stamp=2.0, session="s1"))
+        here.tell_session(m.ServerNews(type="ended", stamp=2.0, session="s2"))
+        await until(lambda: other.heard(NEWS) and len(one.heard(NEWS)) == 2)
+        assert len(two.heard(NEWS)) == 1
+
+
+async def test_a_bad_message_is_counted_and_the_next_one_is_brought(rig):
+    async with bridge_of(rig) as bridge, rig.client("giraff") as robot:
+        ear = Ear()
+        await listen(bridge, ear)
+        for payload in (b"", b"{", b"\xff\xff", b"[]", b'{"stamp": NaN}', b"x" * 40_000, b"[" * 5000):
+            await robot.publish("telepresence/v1/giraff/state", payload, qos=1)
+        await say(robot, "state", words.state(seq=2))
+        await until(lambda: ear.heard("state"))
+        assert ear.heard("state")[0].seq == 2
+        assert bridge.counts["malformed"] == 6
+        assert bridge.counts["oversized"] == 1
+
+
+async def test_after_a_restart_of_the_broker_everything_that_must_be_retained_is_there_again(rig):
+    async with bridge_of(rig) as bridge:
+        ear = Ear()
+        await listen(bridge, ear)
+        bridge.retain("giraff", "config", m.Config(stamp=1.0, assist="slow"))
+        await rig.restart()
+        await until(lambda: ear.heard(LINK) == [False, True])
+        await rig.until(lambda: rig.is_let_in("giraff"))
+        async with robot_of(rig) as robot:
+            await until(lambda: [(suffix, message.assist) for suffix, message, _ in robot.got if suffix == "config"] == [("config", "slow")])
+            await say(robot, "state", words.state(seq=9))
+            await until(lambda: ear.heard("state"))
+
+
+async def test_commands_are_dropped_while_the_broker_is_away_and_never_replayed(rig):
+    async with bridge_of(rig) as bridge:
+        ear = Ear()
+        await listen(bridge, ear)
+        await rig.stop()
+        await until(lambda: ear.heard(LINK) == [False])
+        assert not bridge.connected
+        assert not bridge.send("giraff", "command/velocity", words.velocity(seq=1))
+        assert not bridge.send("giraff", "command/action", m.Dock(action_id="d", stamp=1.0))
+        assert not bridge.publish_lease("giraff", LEASE)
+        await rig._start()
+        await rig.until(lambda: rig.is_let_in("giraff"))
+        async with robot_of(rig) as robot:
+            await until(lambda: bridge.connected)
+            bridge.send("giraff", "command/velocity", words.velocity(seq=2))
+            await until(lambda: robot.got)
+            assert [(suffix, message.seq) for suffix, message, _ in robot.got] == [("command/velocity", 2)]
+
+
+async def test_a_stop_is_tried_again_until_the_broker_is_back_and_a_report_is_kept(rig, monkeypatch):
+    monkeypatch.setattr("robots.bridge.bridge.STOP_SECONDS", patient(STOP_SECONDS * 5))  # as long as a broker takes to begin on a busy machine
+    async with bridge_of(rig) as bridge:
+        await listen(bridge, Ear())
+        await rig.stop()
+        await until(lambda: not bridge.connected)
+        bridge.send_stop("giraff", m.Stop(action_id="stop-1", stamp=1.0))
+        bridge.report("telepresence/v1/server/page/s1", m.Bye(reason="kept"))
+        bridge._address = replace(bridge._address, port=1)  # so that the robot is back before the bridge
+        await rig._start()
+        await rig.until(lambda: rig.is_let_in("giraff"))
+        async with robot_of(rig) as robot, rig.client("web") as manager:
+            await manager.subscribe("telepresence/v1/server/page/+", qos=1)
+            bridge._address = replace(bridge._address, port=rig.port)
+            await until(lambda: [message.action_id for suffix, message, _ in robot.got if suffix == "command/action"] == ["stop-1"])
+            async with asyncio.timeout(patient(10.0)):
+                message = await anext(aiter(manager.messages))
+            assert msgspec.json.decode(message.payload)["reason"] == "kept"
+
+
+async def test_a_stop_that_could_not_be_said_is_said_again_while_the_connection_lives(rig, monkeypatch):
+    async with robot_of(rig) as robot, bridge_of(rig) as bridge:
+        publish, refused = bridge._client.publish, []
+
+        async def refuses_twice(topic, payload, **options):
+            if len(refused) < 2:
+                refused.append(topic)
+                raise aiomqtt.MqttError("no room")
+            await publish(topic, payload, **options)
+
+        monkeypatch.setattr(bridge._client, "publish", refuses_twice)
+        bridge.send_stop("giraff", m.Stop(action_id="stop-1", stamp=1.0))
+        await until(lambda: [message.action_id for suffix, message, _ in robot.got if suffix == "command/action"] == ["stop-1"])
+        assert len(refused) == 2
+
+
+async def test_what_has_gathered_for_the_record_goes_in_parts_that_leave_room_for_a_stop(rig, monkeypatch):
+    async with bridge_of(rig) as bridge:
+        waiting, most = asyncio.Event(), []
+
+        async def confirms_late(_topic, _payload, **_options):
+            most.append(len(bridge._flying))
+            await waiting.wait()
+
+        monkeypatch.setattr(bridge._client, "publish", confirms_late)
+        for number in range(3 * REPORTS_FLYING):
+            bridge.report("telepresence/v1/server/page/s1", m.Bye(reason=f"{number}"))
+        await asyncio.sleep(0.05)
+        assert len(bridge._flying) == REPORTS_FLYING
+        waiting.set()
+        await until(lambda: len(most) == 3 * REPORTS_FLYING)
+        assert max(most) == REPORTS_FLYING
+
+
+async def test_a_stop_that_is_older_than_its_patience_is_not_sent(rig, monkeypatch):
+    monkeypatch.setattr("robots.bridge.bridge.STOP_SECONDS", 0.05)
+    async with bridge_of(rig) as bridge:
+        await listen(bridge, Ear())
+        await rig.stop()
+        await until(lambda: not bridge.connected)
+        bridge.send_stop("giraff", m.Stop(action_id="stop-1", stamp=1.0))
+        given_up = time.monotonic() + 0.06
+        await until(lambda: time.monotonic() > given_up)
+        await rig._start()
+        async with robot_of(rig) as robot:
+            await until(lambda: bridge.connected)
+            bridge.send("giraff", "command/action", m.Undock(action_id="after", stamp=1.0))
+            await until(lambda: robot.got)
+            assert [message.action_id for _, message, _ in robot.got] == ["after"]
+    assert STOP_SECONDS == 3.0
+
+
+async def test_a_bridge_with_the_wrong_password_keeps_trying_and_says_so(rig, caplog):
+    bridge = Bridge(f"mqtt://{HOST}:{rig.port}", ("web", "wrong"), random.Random(1))
+    try:
+        await until(lambda: "bridge_lost" in caplog.text)
+        assert not bridge.connected
+        assert not bridge.send("giraff", "command/velocity", words.velocity())
+    finally:
+        await bridge.close()
+
+
+async def test_a_broker_that_does_not_read_is_not_fed_without_a_bound(rig):
+    async with bridge_of(rig) as bridge:
+        await listen(bridge, Ear())
+        sent = [bridge.send("giraff", "command/action", m.Undock(action_id=f"a{number}", stamp=1.0)) for number in range(600)]
+        assert sent.count(True) == 500
+        assert bridge.counts["unsent"] == 100
+        await until(lambda: not bridge._flying)
+        assert bridge.send("giraff", "command/action", m.Undock(action_id="again", stamp=1.0))
+
+
+async def test_a_picture_reaches_listeners_whole_and_what_is_none_is_counted(rig):
+    jpeg = b"\xff\xd8\xff" + bytes(range(256)) * 150 + b"\xff\xd9"
+    async with bridge_of(rig) as bridge, robot_of(rig) as robot:
+        ear = Ear()
+        bridge.listen("giraff", ear)
+        assert bridge.send("giraff", "command/picture", m.PictureRequest(stamp=1.0, peer="p1"))
+        await until(lambda: [message for suffix, message, _ in robot.got if suffix == "command/picture"])
+        await robot.publish(topics.of("giraff", "picture"), b"\0" * 8 + jpeg[:-1])
+        await robot.publish(topics.of("giraff", "picture"), picture.pack(1.0, jpeg[:3] + b"x" * 60_000 + jpeg[-2:]))
+        await robot.publish(topics.of("giraff", "picture"), picture.pack(12.5, jpeg))
+        await until(lambda: ear.heard("picture"))
+        (letter,) = [letter for letter in ear.letters if letter.suffix == "picture"]
+        assert letter.frame == b"picture\n" + picture.pack(12.5, jpeg)
+        assert bridge.counts["malformed"] == 1
+        assert bridge.counts["oversized"] == 1
+
+
+async def test_dots_travel_both_ways_and_are_kept_for_nobody(rig):
+    dot, command = m.Pointer(stamp=1.0, by="screen", at=(0.25, 0.75)), m.PointCommand(stamp=1.0, at=(0.5, 0.5), session="s1", epoch=3, peer="p1")
+    async with bridge_of(rig) as bridge, robot_of(rig) as robot:
+        ear = Ear()
+        await listen(bridge, ear)
+        assert bridge.send("giraff", "command/point", command)
+        await say(robot, "pointer", dot, qos=0)
+        await until(lambda: ear.heard("pointer") and robot.got)
+        assert (ear.heard("pointer"), robot.got) == ([dot], [("command/point", command, False)])
+        later = Ear()
+        async with bridge_of(rig, seed=2) as second, robot_of(rig) as returned:
+            await listen(second, later)
+            await say(robot, "state", words.state(seq=1))
+            assert second.send("giraff", "signal/p1", m.Bye(reason="left"))
+            await until(lambda: later.heard("state") and returned.got)
+    assert later.heard("pointer") == []
+    assert [suffix for suffix, _, _ in returned.got] == ["signal/p1"]

@@ -1,0 +1,356 @@
+"""One-time tokens and new credentials: the server's side, and the agent's against it."""
+
+import datetime
+import io
+import json
+import stat
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from django.contrib.auth import get_user_model
+from django.core.management import CommandError, call_command
+from django.utils import timezone
+
+from accounts.models import AuditEntry
+from robots import log_ids
+from robots.agent.agent import agent_of
+from robots.agent.broker_link import enrolment as agent_side
+from robots.agent.broker_link.broker_discovery import ServerAwayError
+from robots.agent.config import ConfigError, load
+from robots.broker.users import _robot_users
+from robots.enrol.credentials import GRACE, ask_for_renewal, make_credentials, revoke, robot_of, rotate, users_of
+from robots.enrol.tokens import make_token, redeem
+from robots.management.commands import run_robot
+from robots.models import Enrolment, Robot
+
+pytestmark = pytest.mark.django_db
+ENROL, RENEW = "/api/v1/agent/enrol/", "/api/v1/agent/renew/"
+
+
+@pytest.fixture
+def robot():
+    return Robot.objects.create(name="giraff", title="Giraff")
+
+
+def at_the_broker() -> dict[str, str]:
+    return {user.name: user.credential_hash for user in _robot_users()}
+
+
+# --- tokens ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_token_works_once_and_for_its_own_robot_alone(robot):
+    Robot.objects.create(name="rhodon", title="Rhodon")
+    token, now = make_token(robot, timezone.now()), timezone.now()
+    assert redeem("rhodon", token, now) is None
+    made = redeem("giraff", token, now)
+    assert robot_of("giraff", made.token) == robot
+    assert redeem("giraff", token, now) is None
+
+
+def test_a_token_expires_and_a_newer_one_takes_its_place(robot):
+    now = timezone.now()
+    old = make_token(robot, now, hours=1)
+    assert redeem("giraff", old, now + datetime.timedelta(hours=2)) is None
+    newer = make_token(robot, now, hours=1)
+    assert redeem("giraff", old, now) is None
+    assert redeem("giraff", newer, now) is not None
+
+
+def test_no_token_is_kept_only_its_hash(robot):
+    token = make_token(robot, timezone.now())
+    assert token not in str(Enrolment.objects.values().get())
+
+
+def test_revoking_and_disabling_take_an_unused_token_along(robot):
+    token = make_token(robot, timezone.now())
+    Robot.objects.update(enabled=False)
+    assert redeem("giraff", token, timezone.now()) is None
+    Robot.objects.update(enabled=True)
+    revoke(robot)
+    assert redeem("giraff", token, timezone.now()) is None
+
+
+# --- rotation --------------------------------------------------------------------------------------------------------
+
+
+def test_the_old_credentials_hold_beside_the_new_ones_for_a_while(robot):
+    now = timezone.now()
+    old = make_credentials(robot, now)
+    new = rotate(robot, old.token, now)
+    assert {robot_of("giraff", one.token) for one in (old, new)} == {robot}
+    assert set(at_the_broker()) == {"giraff", new.user}
+    assert list(users_of(robot, now + GRACE)) == [new.user]
+
+
+def test_both_users_at_the_broker_are_the_same_robot_and_nobody_else(robot):
+    new = rotate(robot, make_credentials(robot, timezone.now()).token, timezone.now())
+    old_user, new_user = sorted(_robot_users(), key=lambda user: len(user.name))
+    assert (old_user.name, new_user.name) == ("giraff", new.user)
+    assert old_user.permissions == new_user.permissions
+    assert not new_user.permissions.may_publish("telepresence/v1/rhodon/state")
+
+
+def test_an_agent_that_lost_the_answer_asks_again_with_what_it_has(robot):
+    now = timezone.now()
+    old = make_credentials(robot, now)
+    lost = rotate(robot, old.token, now)
+    again = rotate(robot, old.token, now)
+    assert robot_of("giraff", lost.token) is None
+    assert {robot_of("giraff", one.token) for one in (old, again)} == {robot}
+
+
+def test_whoever_has_only_the_former_credentials_cannot_make_them_last(robot):
+    now = timezone.now()
+    old = make_credentials(robot, now)
+    rotate(robot, old.token, now)
+    rotate(robot, old.token, now + GRACE / 2)
+    assert robot.former_until == now + GRACE
+
+
+def test_revoking_ends_both_at_once(robot):
+    old = make_credentials(robot, timezone.now())
+    new = rotate(robot, old.token, timezone.now())
+    revoke(robot)
+    assert at_the_broker() == {}
+    assert (robot_of("giraff", old.token), robot_of("giraff", new.token)) == (None, None)
+
+
+def test_new_credentials_by_hand_end_everything_before(robot):
+    old = make_credentials(robot, timezone.now())
+    new = rotate(robot, old.token, timezone.now())
+    newest = make_credentials(robot, timezone.now())
+    assert list(at_the_broker()) == [newest.user]
+    assert [robot_of("giraff", one.token) for one in (old, new, newest)] == [None, None, robot]
+
+
+def test_no_user_at_the_broker_comes_back_so_that_whoever_holds_an_old_connection_loses_it(robot):
+    """Mosquitto parts with a client whose user is gone, and not with one whose password is another."""
+    users = [make_credentials(robot, timezone.now()).user or "giraff"]
+    revoke(robot)
+    users += [make_credentials(robot, timezone.now()).user, make_credentials(robot, timezone.now()).user]
+    assert len(set(users)) == 3
+
+
+# --- over HTTP -------------------------------------------------------------------------------------------------------
+
+
+def post(client, address, content, token=""):
+    headers = {"Authorization": f"Bearer {token}"} if token else {}
+    return client.post(address, json.dumps(content), content_type="application/json", headers=headers)
+
+
+def test_a_token_is_taken_by_post_alone_and_refused_in_words(client, robot):
+    token = make_token(robot, timezone.now())
+    assert client.get(ENROL, {"robot": "giraff", "token": token}).status_code == 405
+    assert post(client, ENROL, {"robot": "giraff", "token": "guess"}).status_code == 403
+    assert post(client, ENROL, ["nonsense"]).status_code == 400
+    assert client.post(ENROL, "[" * 4000, content_type="application/json").status_code == 400
+    answer = post(client, ENROL, {"robot": "giraff", "token": token})
+    assert answer.status_code == 200
+    assert "no-store" in answer["Cache-Control"]
+    assert robot_of("giraff", answer.json()["token"]) == robot
+    assert AuditEntry.objects.get(act="robot_enrolled").robot == "giraff"
+
+
+def test_credentials_are_renewed_only_when_somebody_wants_that(client, robot):
+    old = make_credentials(robot, timezone.now())
+    assert post(client, RENEW, {}, "giraff:guess").status_code == 401
+    assert post(client, RENEW, {}, f"giraff:{old.token}").json() == {"robot": "giraff"}
+    ask_for_renewal(robot, timezone.now())
+    fresh = post(client, RENEW, {}, f"giraff:{old.token}").json()
+    assert robot_of("giraff", fresh["token"]) == robot
+    assert post(client, RENEW, {}, f"giraff:{fresh['token']}").json() == {"robot": "giraff"}
+
+
+# --- the agent -------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def server(client, monkeypatch):
+    """The site, as the agent reaches it."""
+
+    def answer(url, content, headers, _ca):
+        found = client.post(url.removeprefix("https://site.example"), json.dumps(content), content_type="application/json", headers=headers)
+        if found.status_code >= 400:
+            raise ConfigError(f"the server refused: {found.json()['detail']}")
+        return found.json()
+
+    monkeypatch.setattr(agent_side, "_post", answer)
+    return "https://site.example"
+
+
+def test_an_agent_enrols_itself_and_starts_without_the_token_from_then_on(robot, server, tmp_path):
+    given = {"robot": "giraff", "server": server, "adapter": "moos", "enrol": make_token(robot, timezone.now()), "var": tmp_path}
+    agent_of(given)
+    file = tmp_path / "credentials" / "giraff.toml"
+    if sys.platform != "win32":
+        assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    config = load({"robot": "giraff", "adapter": "moos", "var": tmp_path}, {})
+    assert (config.server, config.user, config.credentials) == (server, "giraff", file)
+    assert robot_of("giraff", config.token) == robot
+    with pytest.raises(ConfigError, match="was used"):
+        agent_of(given)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        ({"adapter": None}, "which robot is this"),
+        ({"adapter": "ADAPTER"}, "no adapter 'ADAPTER'"),
+        ({"profile": "PROFILE"}, "no robot profile 'PROFILE'"),
+        ({"option": ["hots=10.0.0.1"]}, "no option hots"),
+        ({"plan": "nowhere"}, "nowhere"),
+        ({"loudspeaker": "talk.mp4"}, "the loudspeaker"),
+        ({"viewers": "all"}, "--viewers"),
+    ],
+)
+def test_a_token_is_spent_only_by_an_agent_that_can_start_with_what_it_brings(robot, server, tmp_path, wrong, sentence):
+    token = make_token(robot, timezone.now())
+    given = {"robot": "giraff", "server": server, "adapter": "moos", "profile": "giraff", "enrol": token, "var": tmp_path}
+    with pytest.raises(ConfigError, match=sentence):
+        agent_of(given | wrong)
+    assert redeem("giraff", token, timezone.now()) is not None
+
+
+@pytest.mark.parametrize("broken", ["a folder stands there", "a file is in the way"])
+def test_a_token_is_not_spent_for_credentials_that_cannot_be_kept(broken, tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(agent_side, "_post", lambda *_: asked.append(1))
+    path = tmp_path / "here" / "giraff.toml"
+    if broken == "a folder stands there":
+        path.mkdir(parents=True)
+    else:
+        path.parent.write_text("")
+    with pytest.raises(ConfigError, match="cannot be kept in"):
+        agent_side.enrol("giraff", "https://site.example", "token", path)
+    assert not asked
+    assert not list(tmp_path.rglob("*.new"))
+
+
+def test_while_it_enrols_an_agent_believes_the_certificates_that_its_environment_names(tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(agent_side, "_post", lambda _url, _content, _headers, ca: asked.append(ca) or {"robot": "giraff", "token": "t"})
+    environment = {"TELEPRESENCE_CA": "/ca.pem", "TELEPRESENCE_ADAPTER": "moos", "TELEPRESENCE_ENROL": "token"}
+    agent_side.enrol_if_asked({"robot": "giraff", "server": "https://site.example", "var": tmp_path}, environment)
+    assert asked == ["/ca.pem"]
+
+
+@pytest.mark.parametrize("said", ["command line", "environment", "nothing"])
+def test_manage_py_keeps_what_it_keeps_where_it_was_told_and_otherwise_where_the_site_does(said, settings, tmp_path, monkeypatch):
+    settings.VAR_DIR, told = tmp_path / "site", tmp_path / "told"
+    monkeypatch.setattr(log_ids, "_process", {})  # the command names its robot for all lines of the process, here that of all tests
+    kept = []
+    monkeypatch.setattr(run_robot, "agent_of", lambda arguments: kept.append(Path(arguments["var"])))
+    monkeypatch.setattr(run_robot, "run_until_signalled", lambda _agent: None)
+    if said == "environment":
+        monkeypatch.setenv("TELEPRESENCE_VAR", str(told))
+    call_command("run_robot", "giraff", **({"var": told} if said == "command line" else {}))
+    assert kept == [settings.VAR_DIR if said == "nothing" else told]
+
+
+def test_an_agent_takes_new_credentials_and_leaves_the_rest_of_its_file_alone(robot, server, tmp_path):
+    file = tmp_path / "giraff.toml"
+    file.write_text(make_credentials(robot, timezone.now()).toml(server=server) + '# mine\n[options]\nuser = "camera"\n')
+    config = load({"robot": "giraff", "credentials": file, "adapter": "moos", "var": tmp_path}, {})
+    assert agent_side.renew(config) is None
+    ask_for_renewal(robot, timezone.now())
+    fresh = agent_side.renew(config)
+    again = load({"robot": "giraff", "credentials": file, "adapter": "moos", "var": tmp_path}, {})
+    assert (again.token, again.user, again.server) == (fresh["token"], fresh["user"], server)
+    assert again.options == {"user": "camera"}
+    assert "# mine" in file.read_text()
+    assert tomllib.loads(file.read_text())["robot"] == "giraff"
+    assert set(at_the_broker()) == {"giraff", again.user}
+
+
+def test_an_agent_whose_file_cannot_be_written_asks_for_nothing_that_it_would_lose(robot, server, tmp_path, monkeypatch):
+    file = tmp_path / "giraff.toml"
+    file.write_text(make_credentials(robot, timezone.now()).toml(server=server))
+    config = load({"robot": "giraff", "credentials": file, "adapter": "moos", "var": tmp_path}, {})
+    ask_for_renewal(robot, timezone.now())
+    monkeypatch.setattr(agent_side.os, "access", lambda *_: False)
+    assert agent_side.renew(config) is None
+    assert robot_of("giraff", config.token).renewal_asked_at is not None
+
+
+def test_an_agent_asks_until_it_has_new_credentials_whatever_the_server_says(robot, tmp_path, monkeypatch):
+    config = load({"robot": "giraff", "server": "https://site.example", "adapter": "moos", "var": tmp_path}, {"TELEPRESENCE_TOKEN": "t"})
+    answers = [ServerAwayError("no network"), ConfigError("disk full"), None, {"robot": "giraff", "user": "giraff.1", "token": "new"}]
+    told, pauses = [], []
+
+    def renew(_config):
+        answer = answers.pop(0)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    def pause(seconds):
+        pauses.append(seconds)
+        return False
+
+    monkeypatch.setattr(agent_side, "renew", renew)
+    agent_side.keep_renewing(config, told.append, pause)
+    assert told == [{"robot": "giraff", "user": "giraff.1", "token": "new"}]
+    assert len(pauses) == 4
+    agent_side.keep_renewing(config, told.append, lambda _seconds: True)
+    assert len(told) == 1
+
+
+@pytest.mark.parametrize("server", ["http://robots.example", "ftp://robots.example", "http://localhost.evil.example", "http://10.0.0.1:8000"])
+def test_no_token_crosses_a_network_in_the_clear(server, tmp_path):
+    with pytest.raises(ConfigError, match="https"):
+        agent_side.enrol("giraff", server, "token", tmp_path / "giraff.toml")
+
+
+@pytest.mark.parametrize("server", ["http://127.0.0.1:8000", "http://localhost:8000", "http://[::1]:8000", "https://robots.example"])
+def test_to_this_very_machine_plain_http_will_do(server):
+    agent_side.check_private(server)
+
+
+def test_a_token_without_a_server_is_told(tmp_path):
+    with pytest.raises(ConfigError, match="--server"):
+        agent_side.enrol_if_asked({"robot": "giraff", "var": tmp_path}, {"TELEPRESENCE_ENROL": "token"})
+
+
+# --- commands and administration -------------------------------------------------------------------------------------
+
+
+def test_the_command_prints_what_to_run_on_the_robot(robot):
+    out = io.StringIO()
+    call_command("enrol", "giraff", server="https://site.example/", stdout=out)
+    command, _, token = out.getvalue().splitlines()[-1].rpartition(" ")
+    assert command == "python manage.py run_robot giraff --server https://site.example --adapter ADAPTER --profile PROFILE --enrol"
+    assert redeem("giraff", token, timezone.now()) is not None
+    server = ["--server", "https://site.example"]
+    for wrong, sentence in ((["nobody", *server], "nobody"), (["giraff", *server, "--hours", "0"], "--hours"), (["giraff"], "--server")):
+        with pytest.raises(CommandError, match=sentence):
+            call_command("enrol", *wrong)
+
+
+def test_the_command_asks_for_new_credentials_of_those_that_have_some(robot):
+    make_credentials(robot, timezone.now())
+    Robot.objects.create(name="rhodon", title="Rhodon")
+    out = io.StringIO()
+    call_command("rotate_credentials", stdout=out)
+    assert out.getvalue().split() == ["giraff"]
+    assert Robot.objects.get(name="giraff").renewal_asked_at is not None
+    with pytest.raises(CommandError, match="rhodon"):
+        call_command("rotate_credentials", "rhodon")
+
+
+def test_an_owner_makes_a_token_and_has_credentials_rotated_in_the_administration(client, robot):
+    owner = get_user_model().objects.create(username="owner", is_staff=True)
+    Robot.objects.update(owner=owner)
+    client.force_login(owner)
+    address = f"/admin/robots/robot/{robot.pk}/enrol/"
+    assert "--enrol" not in client.get(address).content.decode()
+    page = client.post(address).content.decode()
+    token = page.partition("--enrol ")[2].partition("<")[0].strip()
+    assert redeem("giraff", token, timezone.now()) is not None
+    client.post("/admin/robots/robot/", {"action": "rotate_credentials", "_selected_action": [robot.pk]})
+    assert Robot.objects.get().renewal_asked_at is not None
+    assert set(AuditEntry.objects.filter(actor=owner.pk).values_list("act", flat=True)) >= {"enrolment_made", "rotation_asked"}
+    assert token not in str(list(AuditEntry.objects.values()))

@@ -1,0 +1,86 @@
+"""What each robot is told to be like, retained: by its row, and by the terms of whoever has it."""
+
+import pytest
+from django.utils import timezone
+
+from accounts.models import User
+from robots.api import codec
+from robots.api.messages import NetworkLab
+from robots.models import FloorPlan, Robot
+from sessions.leases import store, terms
+from sessions.manager.desired_state import StandingOrders
+from sessions.models import Session
+
+pytestmark = pytest.mark.django_db
+NOW = timezone.now()
+
+
+@pytest.fixture
+def office():
+    return FloorPlan.objects.create(
+        name="office", title="Office", resolution=0.05, origin_x=0.0, origin_y=0.0, width=1, height=1, image=b"png", sha256="a" * 64
+    )  # fmt: skip
+
+
+@pytest.fixture
+def giraff(office):
+    return Robot.objects.create(name="giraff", title="Giraff", floor_plan=office, assist="slow", doors={"lab-door": "closed"})
+
+
+def said(letters):
+    found = {letter.topic.rpartition("/")[2]: codec.decode(letter.topic.rpartition("/")[2], letter.payload, "to_robot") for letter in letters}
+    assert all(letter.retain for letter in letters)
+    return found
+
+
+def test_a_robot_is_told_assistance_doors_and_map_once(giraff):
+    orders = StandingOrders()
+    first = said(orders.look(NOW))
+    assert (first["config"].assist, first["config"].doors) == ("slow", {"lab-door": "closed"})
+    assert first["floorplan"].map_id == "office"
+    assert orders.look(NOW) == []
+
+
+def test_what_is_changed_in_the_administration_is_told_and_nothing_else(giraff, office):
+    orders = StandingOrders()
+    orders.look(NOW)
+    Robot.objects.update(doors={"lab-door": "open"})
+    assert said(orders.look(NOW))["config"].doors == {"lab-door": "open"}
+    FloorPlan.objects.update(plan={"docks": []})
+    assert list(said(orders.look(NOW))) == ["floorplan"]
+
+
+def test_a_robot_without_a_map_is_told_the_rest(giraff):
+    Robot.objects.update(floor_plan=None)
+    assert list(said(StandingOrders().look(NOW))) == ["config"]
+
+
+def visit(robot: Robot, **fixed) -> str:
+    Robot.objects.update(connection="ONLINE", last_seen_at=NOW)
+    robot.refresh_from_db()
+    session = store.take(robot, User.objects.create(username=f"user-{User.objects.count()}"), "p1", now=NOW).session
+    Session.objects.filter(pk=session).update(terms=terms.stored(terms.Terms(**fixed)), state="driving")
+    return session
+
+
+def test_the_terms_of_a_visit_go_before_the_robots_own_and_are_undone_when_it_is_over(giraff, office):
+    FloorPlan.objects.update(plan={"doors": [{"name": "lounge-door"}, {"name": "store-door", "state": "closed"}]})
+    orders = StandingOrders()
+    orders.look(NOW)
+    slow = NetworkLab(delay=0.2)
+    session = visit(giraff, assist="off", doors={"lounge-door": "closed", "store-door": "open", "lab-door": "open"}, control_network=slow)
+    during = said(orders.look(NOW))["config"]
+    assert (during.assist, during.control_network, during.video_network) == ("off", slow, None)
+    assert during.network_session == session, "nobody else gets it, however late the next word comes"
+    assert during.doors == {"lounge-door": "closed", "store-door": "open", "lab-door": "open"}
+    assert orders.look(NOW) == []
+    store.end(session, "cancelled", "left", NOW)
+    afterwards = said(orders.look(NOW))["config"]
+    assert (afterwards.assist, afterwards.control_network, afterwards.network_session) == ("slow", None, None)
+    assert afterwards.doors == {"lounge-door": "open", "store-door": "closed", "lab-door": "closed"}
+
+
+def test_a_session_manager_that_was_away_when_a_visit_ended_undoes_its_doors(giraff):
+    session = visit(giraff, doors={"lounge-door": "closed"})
+    store.end(session, "cancelled", "left", NOW)
+    assert said(StandingOrders().look(NOW))["config"].doors == {"lounge-door": "open", "lab-door": "closed"}

@@ -1,0 +1,194 @@
+"""Robots that are brought home between two visits: what is ordered, who may drive meanwhile, and what stands in the database."""
+
+import datetime
+
+import pytest
+from django.utils import timezone
+
+from accounts.models import User
+from robots.api import codec
+from robots.api import messages as m
+from robots.models import Robot, RobotPermit
+from sessions.leases import store
+from sessions.leases.expiry import tick
+from sessions.leases.readiness import LATE, ORDERED
+from sessions.leases.transitions import Link, Offer, Withdraw
+from sessions.manager.return_to_dock import Homecoming
+from sessions.manager.robot_liveness import Heard
+from sessions.models import SystemLog
+from tests.support import words
+
+pytestmark = pytest.mark.django_db
+NOW = timezone.now()
+FACTS = {"series": "giraff", "capabilities": ["velocity", "dock", "tilt"], "tilt": {"minimum": -0.5, "maximum": 0.9, "home": 0.28, "speed": 0.8}}
+
+
+def after(seconds: float) -> datetime.datetime:
+    return NOW + datetime.timedelta(seconds=seconds)
+
+
+@pytest.fixture
+def giraff():
+    return Robot.objects.create(name="giraff", title="Giraff", connection="ONLINE", last_seen_at=after(1000), factsheet=FACTS)
+
+
+@pytest.fixture
+def ana():
+    return User.objects.create(username="ana")
+
+
+@pytest.fixture
+def ben():
+    return User.objects.create(username="ben")
+
+
+class Situation:
+    """The robot as the session manager hears it."""
+
+    def __init__(self):
+        self.homecoming, self.heard, self.seq = Homecoming(), Heard(), 0
+
+    def says(self, now, *, trip=0.05, **changes):
+        """A state, and an answer to the server's beat that was under way for so many seconds."""
+        self.seq += 1
+        self.heard.take(words.state(self.seq, **{"tilt": 0.28, **changes}), now.timestamp())
+        sent = now.timestamp() - trip
+        echo = m.Echo(peer="server", n=self.seq, stamp=sent, received=sent + trip / 2)
+        self.heard.heartbeat(m.Heartbeat(n=self.seq, stamp=sent + trip / 2, echoes=(echo,)), now.timestamp())
+
+    def look(self, now):
+        return [codec.decode("command/action", letter.payload, "to_robot") for letter in self.homecoming.look({"giraff": self.heard}, now)]
+
+
+@pytest.fixture
+def situation():
+    return Situation()
+
+
+def a_visit_ends(robot, visitor, now=NOW):
+    granted = store.take(robot, visitor, "p1", now=now)
+    assert store.leave(granted.session, peer="p1", now=now)
+    return Robot.objects.get(pk=robot.pk)
+
+
+def test_a_robot_that_was_left_somewhere_is_sent_home_by_the_server(giraff, ana, situation):
+    a_visit_ends(giraff, ana)
+    situation.says(after(1), docked=False)
+    (dock,) = situation.look(after(1))
+    assert isinstance(dock, m.Dock)
+    assert (dock.role, dock.session, dock.stamp) == ("server", None, after(1).timestamp())
+    assert situation.look(after(2)) == [], "it is on its way"
+    situation.says(after(40), docked=True, tilt=0.5)
+    situation.heard.answer(m.ActionStatus(action_id=dock.action_id, status="FINISHED", stamp=1.0))
+    (tilt,) = situation.look(after(40))
+    assert (type(tilt), tilt.angle) == (m.Tilt, 0.28)
+    situation.says(after(42), docked=True)
+    assert situation.look(after(42)) == []
+    assert Robot.objects.get().turnaround == "ready"
+    assert SystemLog.objects.filter(event="robot_ready").count() == 1
+
+
+def test_nobody_is_given_a_robot_on_its_way_home_and_everybody_is_told_why(giraff, ana, ben, situation):
+    robot = a_visit_ends(giraff, ana)
+    queued = store.take(robot, ben, "p2", now=after(1))
+    assert isinstance(queued, store.Queued)
+    assert queued.reason == "returning: dock"
+    assert queued.minutes > 0
+    assert not [act for act in tick(robot, Link(), after(2)) if isinstance(act, Offer)]
+    situation.says(after(3), docked=True)
+    situation.look(after(3))
+    assert [act for act in tick(Robot.objects.get(), Link(), after(4)) if isinstance(act, Offer)]
+
+
+def test_an_offer_is_taken_back_when_the_robot_is_not_ready_after_all(giraff, ana):
+    Robot.objects.update(turnaround="ready")
+    giraff.refresh_from_db()
+    holder = store.take(giraff, User.objects.create(username="first"), "p0", now=NOW)
+    store.take(giraff, ana, "p1", now=NOW)
+    Robot.objects.update(returns_home=False)
+    store.leave(holder.session, peer="p0", now=after(1))
+    assert any(isinstance(act, Offer) for act in tick(giraff, Link(), after(2)))
+    Robot.objects.update(returns_home=True, turnaround="paused", turnaround_reason="estop")
+    assert any(isinstance(act, Withdraw) for act in tick(Robot.objects.get(), Link(), after(3)))
+
+
+def test_an_operator_may_take_a_robot_that_is_stuck_and_what_was_ordered_is_taken_back(giraff, ana, ben, situation):
+    robot = a_visit_ends(giraff, ana)
+    situation.says(after(1), docked=False)
+    (dock,) = situation.look(after(1))
+    RobotPermit.objects.create(robot=robot, user=ben, kind="operator")
+    assert isinstance(store.take(Robot.objects.get(), ben, "p2", now=after(2)), store.Granted)
+    (cancel,) = situation.look(after(3))
+    assert (type(cancel), cancel.target) == (m.Cancel, dock.action_id)
+    assert Robot.objects.get().turnaround == "ready"
+
+
+def test_a_robot_that_cannot_get_home_pauses_the_queue_and_says_why_and_is_tried_again(giraff, ana, situation):
+    a_visit_ends(giraff, ana)
+    for second in range(1, 60):
+        situation.says(after(second), docked=False)
+        for action in situation.look(after(second)):
+            situation.heard.answer(m.ActionStatus(action_id=action.action_id, status="FAILED", stamp=1.0, reason="the door is closed"))
+    robot = Robot.objects.get()
+    assert (robot.turnaround, robot.turnaround_reason) == ("paused", "the door is closed")
+    assert SystemLog.objects.get(event="queue_paused").fields["reason"] == "the door is closed"
+    situation.says(after(200), docked=False)
+    assert [type(action) for action in situation.look(after(200))] == [m.Dock]
+
+
+def test_a_session_manager_that_starts_anew_goes_on_with_robots_under_way(giraff, ana, situation):
+    a_visit_ends(giraff, ana)
+    situation.says(after(1), docked=False)
+    assert situation.look(after(1))
+    situation.homecoming = Homecoming()
+    assert [type(action) for action in situation.look(after(2))] == [m.Dock]
+
+
+@pytest.mark.parametrize("change", [{"returns_home": False}, {"factsheet": {"capabilities": ["velocity"]}}])
+def test_a_robot_that_need_not_or_cannot_go_home_is_free_at_once(giraff, ana, ben, change):
+    Robot.objects.update(**change)
+    giraff.refresh_from_db()
+    robot = a_visit_ends(giraff, ana)
+    assert robot.turnaround == "ready"
+    assert isinstance(store.take(robot, ben, "p2", now=after(1)), store.Granted)
+
+
+def test_the_same_page_that_comes_back_to_a_living_visit_does_not_send_the_robot_home(giraff, ana, situation):
+    granted = store.take(giraff, ana, "p1", now=NOW)
+    again = store.take(giraff, ana, "p2", session=granted.session, old_peer="p1", takeover=True, now=after(1))
+    assert isinstance(again, store.Granted)
+    assert Robot.objects.get().turnaround == "ready"
+
+
+def test_a_robot_is_ready_only_after_its_camera_gave_a_picture(giraff, ana, situation):
+    Robot.objects.update(factsheet={**FACTS, "capabilities": ["velocity", "dock", "tilt", "photo"]})
+    a_visit_ends(giraff, ana)
+    situation.says(after(1), docked=True, session="s1")
+    assert situation.look(after(1)) == [], "it still has its last driver, whose record the picture would be in"
+    situation.says(after(2), docked=True)
+    (photo,) = situation.look(after(2))
+    assert (type(photo), photo.role, photo.action_id[: len(ORDERED)]) == (m.Photo, "server", ORDERED)
+    assert store.pause_of(giraff) == "returning: picture"
+    situation.says(after(3), docked=True)
+    situation.heard.answer(m.ActionStatus(action_id=photo.action_id, status="FINISHED", stamp=1.0))
+    assert situation.look(after(3)) == []
+    assert Robot.objects.get().turnaround == "ready"
+
+
+def test_a_robot_that_answers_too_late_pauses_the_queue_until_its_network_is_better(giraff, ana, situation):
+    a_visit_ends(giraff, ana)
+    for second in (1, 2, 2 + LATE):
+        situation.says(after(second), docked=True, trip=0.9)
+        situation.look(after(second))
+    assert store.pause_of(giraff) == "paused: network"
+    assert SystemLog.objects.get(event="queue_paused").fields["reason"] == "network"
+    situation.says(after(40), docked=True, trip=0.1)
+    situation.look(after(40))
+    assert Robot.objects.get().turnaround == "ready"
+
+
+def test_a_robot_that_answers_no_beat_is_not_ready(giraff, ana, situation):
+    a_visit_ends(giraff, ana)
+    situation.heard.take(words.state(1, tilt=0.28, docked=True), after(1).timestamp())
+    situation.look(after(1))
+    assert store.pause_of(giraff) == "returning: network"

@@ -1,0 +1,334 @@
+"""The recorder and its database, when things go wrong."""
+
+import hashlib
+import threading
+import time
+
+import msgspec
+import pytest
+from django.db import IntegrityError, OperationalError, connection
+from django.utils import timezone
+
+from accounts.models import User
+from robots.api import codec, messages
+from robots.models import Robot
+from sessions.models import Session, SessionEvent, Snapshot, StateChunk, SystemLog
+from sessions.recording import store as record_store
+from sessions.recording.builder import Transcript
+from sessions.recording.items import CloseItem, EventItem, PhotoItem, StateItem
+from sessions.recording.recorder import Recorder
+from sessions.recording.store import RecordStore, new_key
+from tests.support.patience import patient
+
+pytestmark = pytest.mark.django_db(transaction=True)
+NOW = 1_700_000_000.0
+
+
+@pytest.fixture
+def session() -> Session:
+    robot = Robot.objects.create(name="giraff", title="Giraff")
+    visitor = User.objects.create(username="ana")
+    return Session.objects.create(robot=robot, visitor=visitor, state="driving", live_key="k", queued_at=timezone.now())
+
+
+def state_item(session, seq: int, *, boot: str = "b", robot: str = "giraff", payload: bytes | None = None, **changes) -> StateItem:
+    state = messages.State(
+        stamp=NOW + seq * 0.25, boot=boot, seq=seq, session=None if session is None else str(session.pk), epoch=1, pose=messages.Pose(x=0, y=0, theta=0),
+        velocity=messages.Velocity(linear=0, angular=0), battery=messages.Battery(charge=1), **changes,
+    )  # fmt: skip
+    return StateItem(robot, state, payload or codec.encode(state), NOW + seq * 0.25, 0.01)
+
+
+def event_item(session, kind: str, seq: int = 1, **fields) -> EventItem:
+    event = messages.Event(stamp=NOW, boot="b", seq=seq, session=str(session.pk), epoch=1, type=kind, **fields)
+    return EventItem("giraff", event, NOW)
+
+
+def stored(session) -> list[int]:
+    return [state["seq"] for chunk in StateChunk.objects.filter(session=session).order_by("first_seq") for state in chunk.states]
+
+
+def transcript() -> Transcript:
+    return Transcript(RecordStore(), lambda *_: None)
+
+
+def wait_until(condition, seconds: float = 10.0):
+    deadline = time.monotonic() + patient(seconds)
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+class Flaky:
+    """A database that refuses every write while `away`."""
+
+    def __init__(self, monkeypatch) -> None:
+        self.away = threading.Event()
+        self.refused = 0
+        insert = RecordStore.insert
+
+        def sometimes(store, rows, **words):
+            if self.away.is_set():
+                self.refused += 1
+                raise OperationalError("the database is away")
+            insert(store, rows, **words)
+
+        monkeypatch.setattr(RecordStore, "insert", sometimes)
+
+
+def test_rows_are_kept_while_the_database_is_away_and_written_when_it_is_back(session, monkeypatch):
+    database = Flaky(monkeypatch)
+    database.away.set()
+    recorder = Recorder(lambda *_: None, clock=lambda: NOW + 1000)
+    recorder.start()
+    for seq in range(1, 101):
+        assert recorder.put(state_item(session, seq))
+    wait_until(lambda: database.refused >= 2)
+    assert stored(session) == []
+    database.away.clear()
+    assert recorder.stop(patient(10))
+    assert stored(session) == list(range(1, 101))
+
+
+def test_a_full_buffer_counts_what_it_drops_and_the_ledger_misses_it(session, monkeypatch, caplog):
+    database, asked = Flaky(monkeypatch), []
+    database.away.set()
+    clock = [NOW]
+    recorder = Recorder(lambda *words: asked.append(words), limit=20, clock=lambda: clock[0])
+    recorder.put(event_item(session, "lease_taken"))
+    recorder.put(state_item(session, 1))
+    recorder.start()
+    wait_until(lambda: (clock.__setitem__(0, clock[0] + 1), database.refused)[1])
+    kept = [seq for seq in range(2, 41) if recorder.put(state_item(session, seq))]
+    assert kept == list(range(2, 22))
+    assert recorder.counts["dropped"] == 19
+    assert "record_buffer_full" in caplog.text
+    database.away.clear()
+    wait_until(lambda: recorder.put(state_item(session, 41)))
+    clock[0] = NOW + 41 * 0.25 + 2.0
+    wait_until(lambda: asked)
+    assert asked[0] == ("giraff", "b", 22, 40)
+    assert recorder.stop(patient(10))
+    assert stored(session) == [*range(1, 22), 41]
+
+
+def test_stopping_writes_what_is_there(session):
+    recorder = Recorder(lambda *_: None, clock=lambda: NOW)
+    recorder.start()
+    for seq in range(1, 4):
+        recorder.put(state_item(session, seq))
+    assert recorder.stop(patient(10))
+    assert stored(session) == [1, 2, 3]
+
+
+def test_a_session_manager_that_was_held_up_while_another_took_over_doubles_nothing(session):
+    one, other = transcript(), transcript()
+    for seq in range(1, 21):
+        one.take(state_item(session, seq))
+    for seq in range(3, 31):
+        other.take(state_item(session, seq))
+    for each in (one, other):
+        each.close_all()
+    one.write()
+    other.write(careful=True)
+    assert sorted(stored(session)) == list(range(1, 31))
+
+
+def test_a_batch_that_was_committed_although_it_seemed_to_fail_is_not_written_twice(session, monkeypatch):
+    record = transcript()
+    for seq in range(1, 9):
+        record.take(state_item(session, seq))
+    record.close_all()
+    insert = RecordStore.insert
+
+    def committed_but_the_answer_was_lost(store, rows, **words):
+        insert(store, rows, **words)
+        raise OperationalError("connection reset")
+
+    monkeypatch.setattr(RecordStore, "insert", committed_but_the_answer_was_lost)
+    with pytest.raises(OperationalError):
+        record.write()
+    monkeypatch.setattr(RecordStore, "insert", insert)
+    record.write()
+    assert stored(session) == list(range(1, 9))
+
+
+def test_a_restarted_recorder_knows_what_is_stored(session):
+    first = transcript()
+    for seq in range(1, 10):
+        first.take(state_item(session, seq))
+    first.close_all()
+    first.write()
+    second = transcript()
+    for seq in range(5, 15):
+        second.take(state_item(session, seq))
+    second.close_all()
+    second.write()
+    assert stored(session) == list(range(1, 15))
+    assert second.counts["duplicates"] == 5
+
+
+def test_a_session_that_was_deleted_meanwhile_spoils_nobody_elses_rows(session):
+    other = Session.objects.create(
+        robot=session.robot, visitor=User.objects.create(username="ben"), state="driving", live_key="k2", queued_at=timezone.now()
+    )
+    record = transcript()
+    for seq in range(1, 5):
+        record.take(state_item(session, seq))
+        record.take(state_item(other, seq + 10))
+    session.delete()
+    record.close_all()
+    record.write()
+    assert stored(other) == [11, 12, 13, 14]
+    assert StateChunk.objects.count() == len({chunk.pk for chunk in StateChunk.objects.filter(session=other)})
+
+
+def test_states_of_a_session_of_another_robot_or_of_none_are_not_recorded(session):
+    record = transcript()
+    record.take(state_item(session, 1, robot="rogue"))
+    for name in ("not-a-uuid", "7d9f1c52-0000-4000-8000-000000000000"):
+        state = msgspec.structs.replace(state_item(session, 2).state, session=name)
+        record.take(StateItem("giraff", state, codec.encode(state), NOW, None))
+    record.close_all()
+    record.write()
+    assert not StateChunk.objects.exists()
+    assert record.counts["foreign_session"] == 3
+
+
+def test_fields_that_nobody_knows_yet_are_kept_and_nul_characters_are_not(session):
+    payload = codec.encode(state_item(session, 1).state)[:-1] + b',"newer":{"a\\u0000b":"c\\u0000d","n":[1]}}'
+    assert isinstance(codec.decode("state", payload), messages.State)
+    record = transcript()
+    record.take(state_item(session, 1, payload=payload))
+    record.close_all()
+    record.write()
+    assert StateChunk.objects.get().states[0]["newer"] == {"ab": "cd", "n": [1]}
+
+
+def test_on_mongodb_the_values_themselves_are_stored(session, monkeypatch):
+    monkeypatch.setattr(connection, "vendor", "mongodb")
+    record = transcript()
+    record.take(state_item(session, 1))
+    record.close_all()
+    assert record.rows[0].states[0]["seq"] == 1
+
+
+def test_events_that_come_twice_also_across_a_restart_are_one_row(session):
+    for _ in range(2):
+        record = transcript()
+        record.take(event_item(session, "collision", detail="left"))
+        record.take(event_item(session, "collision", detail="left"))
+        record.take(event_item(session, "collision", seq=2))
+        record.write()
+    assert sorted(SessionEvent.objects.values_list("data__seq", flat=True)) == [1, 2]
+
+
+def test_what_matters_beyond_a_session_is_in_the_system_log_too(session):
+    record = transcript()
+    record.take(event_item(session, "estop", detail="button"))
+    record.take(EventItem("giraff", messages.Event(stamp=NOW, boot="b", seq=2, type="adapter_lost", detail="no ROS master"), NOW))
+    record.write()
+    logged = {entry.event: (entry.level, entry.session_id, entry.fields["detail"]) for entry in SystemLog.objects.all()}
+    assert logged == {"estop": ("warning", session.pk, "button"), "adapter_lost": ("error", None, "no ROS master")}
+    assert SessionEvent.objects.get().type == "estop"
+
+
+def test_half_a_photo_is_noted_and_a_whole_one_kept_once(session):
+    record, jpeg = transcript(), b"\xff\xd8"
+    sha256 = hashlib.sha256(jpeg).hexdigest()
+    record.take(PhotoItem("giraff", "lost", jpeg, NOW))
+    for _ in range(2):
+        record.take(PhotoItem("giraff", "a", jpeg, NOW))
+        record.take(event_item(session, "photo", action_id="a", sha256=sha256))
+    record.settle(NOW + 100)
+    record.write()
+    assert [snapshot.sha256 for snapshot in Snapshot.objects.all()] == [sha256]
+    assert SystemLog.objects.get(event="photo_incomplete").fields == {"action": "lost"}
+
+
+def end(session: Session) -> CloseItem:
+    Session.objects.filter(pk=session.pk).update(state="ended", ended_at=timezone.now())
+    return CloseItem("giraff", str(session.pk), NOW + 10)
+
+
+def test_a_record_is_closed_when_something_later_was_heard_and_nothing_is_owed(session):
+    record = transcript()
+    record.take(event_item(session, "lease_taken"))
+    for seq in (1, 2, 5):
+        record.take(state_item(session, seq))
+    record.take(end(session))
+    record.close_sessions(NOW + 15)
+    assert Session.objects.get().closed_at is None, "nothing later was heard"
+    record.take(state_item(None, 41))
+    record.close_sessions(NOW + 15)
+    assert Session.objects.get().closed_at is None, "3 and 4 are owed"
+    for seq in range(3, 41):
+        record.take(state_item(session if seq < 5 else None, seq))
+    record.close_all()
+    record.write()
+    record.close_sessions(NOW + 15)
+    assert Session.objects.get().summary["states"] == 5
+
+
+def test_a_record_of_a_robot_that_is_gone_is_closed_after_a_minute(session):
+    record = transcript()
+    record.take(state_item(session, 1))
+    record.take(end(session))
+    record.write()
+    record.close_sessions(NOW + 60)
+    assert Session.objects.get().closed_at is None
+    record.close_sessions(NOW + 71)
+    assert Session.objects.get().summary["states"] == 1
+
+
+def test_a_closed_record_is_opened_again_when_states_come_late(session):
+    record = transcript()
+    record.take(state_item(session, 1))
+    record.take(end(session))
+    record.write()
+    record.close_sessions(NOW + 100)
+    assert Session.objects.get().closed_at is not None
+    later = transcript()
+    later.take(state_item(session, 2))
+    later.close_all()
+    later.write()
+    assert Session.objects.get().closed_at is None
+    later.take(end(session))
+    later.close_sessions(NOW + 200)
+    assert Session.objects.get().summary["states"] == 2
+
+
+def test_an_error_that_is_not_the_databases_is_noticed(session, monkeypatch):
+    monkeypatch.setattr(Transcript, "take", lambda *_: 1 / 0)
+    recorder, silenced = Recorder(lambda *_: None), threading.excepthook
+    monkeypatch.setattr(threading, "excepthook", lambda _: None)
+    recorder.start()
+    recorder.put(state_item(session, 1))
+    wait_until(lambda: not recorder.is_alive)
+    assert silenced is not None
+
+
+def test_keys_sort_by_time_and_never_repeat():
+    keys = [new_key(NOW + second) for second in range(100)]
+    assert sorted(keys) == keys
+    assert {key.version for key in keys} == {7}
+    assert len({new_key(NOW) for _ in range(1000)}) == 1000
+
+
+def test_a_row_that_no_database_takes_is_counted_and_dropped(session, monkeypatch, caplog):
+    record = transcript()
+    record.take(event_item(session, "collision"))
+    record.take(event_item(session, "docked"))
+    monkeypatch.setattr(record_store, "BATCH", 10)
+    save = SessionEvent.save
+
+    def picky(row, **words):
+        if row.type == "collision":
+            raise IntegrityError("no")
+        save(row, **words)
+
+    monkeypatch.setattr(SessionEvent, "save", picky)
+    monkeypatch.setattr(type(SessionEvent.objects), "bulk_create", lambda *_, **__: (_ for _ in ()).throw(IntegrityError("a batch")))
+    record.write()
+    assert [event.type for event in SessionEvent.objects.all()] == ["docked"]
+    assert "record_row_refused" in caplog.text

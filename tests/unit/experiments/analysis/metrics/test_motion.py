@@ -1,0 +1,106 @@
+"""What a robot did, from states that were made for the purpose."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from experiments.analysis.dataset.columns import STATES
+from experiments.analysis.dataset.records import columns_of
+from experiments.analysis.metrics.motion import Track, drive, travelled
+
+
+def track(seconds=None, **given):
+    n = len(next(iter(given.values())))
+    stamps = np.arange(n) * 0.25 if seconds is None else np.array(seconds)
+    plain = {
+        "clock_offset": np.zeros(n),
+        "boot": np.zeros(n),
+        "x": np.zeros(n),
+        "y": np.zeros(n),
+        "theta": np.zeros(n),
+        "linear": np.zeros(n),
+        "angular": np.zeros(n),
+    }
+    return Track.of(columns_of(STATES, stamp=stamps, **(plain | given)))
+
+
+def test_a_position_that_trembles_by_less_than_a_centimetre_is_no_way():
+    x = np.random.default_rng(1).uniform(-0.004, 0.004, 400)
+    assert drive(track(x=x)).path == 0.0
+
+
+def test_a_slow_drive_is_a_way_although_each_step_is_below_the_dead_band():
+    assert drive(track(x=np.linspace(0.0, 1.0, 401))).path == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_robot_that_finds_itself_elsewhere_did_not_drive_there():
+    found = drive(track(x=np.array([0.0, 0.1, 5.1, 5.2])))
+    assert (found.path, found.jumps) == (pytest.approx(0.2), 1)
+
+
+@given(st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=1, max_size=30))
+def test_a_way_is_never_shorter_than_the_straight_line_less_a_dead_band(points):
+    x, y = np.array(points).T
+    length, jumps = travelled(x, y, np.arange(len(x)) * 100.0)
+    assert jumps == 0
+    assert length >= math.hypot(x[-1] - x[0], y[-1] - y[0]) - 0.0101
+
+
+def test_turning_counts_to_both_sides_and_across_the_back():
+    theta = np.concatenate((np.linspace(3.0, 4.0, 21), np.linspace(4.0, 3.0, 21)))
+    wrapped = (theta + math.pi) % (2 * math.pi) - math.pi
+    assert drive(track(theta=wrapped)).rotation == pytest.approx(2.0, abs=0.02)
+
+
+def test_a_stop_is_a_second_of_standing_after_having_gone():
+    speed = [0.0] * 8 + [0.3] * 8 + [0.0] * 3 + [0.3] * 8 + [0.0] * 6 + [0.03] * 4 + [0.0] * 8 + [0.3] * 4
+    assert drive(track(linear=np.array(speed))).stops == 1
+
+
+def test_a_near_collision_ends_only_when_the_way_is_clear_again():
+    clearance = np.array([1.0, 0.19, 0.22, 0.19, np.nan, 0.26, 0.3, 0.1, 0.3, 0.3])
+    found = drive(track(clearance=clearance))
+    assert (found.near_collisions, found.least_clearance) == (2, 0.1)
+    assert found.near_seconds == pytest.approx(5 * 0.25)
+
+
+def test_a_drive_that_begins_near_something_counts_it_once():
+    assert drive(track(clearance=np.array([0.1, 0.1, 0.5]))).near_collisions == 1
+    assert drive(track(clearance=np.array([np.nan, 0.1, 0.5]))).near_collisions == 1
+    assert drive(track(clearance=np.full(3, np.nan))).near_collisions == 0
+
+
+def test_a_gap_between_states_is_time_of_nothing():
+    found = track([0.0, 0.25, 0.5, 10.0, 10.25], linear=np.full(5, 0.3))
+    assert found.gaps().tolist() == [9.5]
+    assert drive(found).seconds == pytest.approx(0.75)
+    assert found.rate() == pytest.approx(4 / 10.25)
+
+
+def test_two_runs_of_an_agent_are_not_one_drive():
+    found = track([0.0, 0.25, 0.3, 0.55], boot=np.array([0.0, 0.0, 1.0, 1.0]), linear=np.full(4, 0.3))
+    assert drive(found).seconds == pytest.approx(0.5)
+
+
+def test_standing_and_moving_fill_the_time():
+    found = drive(track(linear=np.array([0.0, 0.3, 0.3, 0.0, 0.0]), angular=np.array([0.0, 0.0, 0.0, 0.5, 0.0])))
+    assert (found.moving, found.idle) == (pytest.approx(0.75), pytest.approx(0.25))
+    assert found.moving + found.idle == pytest.approx(found.seconds)
+
+
+def test_time_is_that_of_the_servers_clock():
+    found = Track.of(columns_of(STATES, stamp=[7.0, 7.25], clock_offset=[2.0, 2.0], boot=[0.0, 0.0]))
+    assert found.at.tolist() == [5.0, 5.25]
+    assert len(found.between(5.1, math.nan)) == 1
+
+
+@pytest.mark.parametrize("n", [0, 1])
+def test_no_state_and_one_state_are_a_track(n):
+    found = track(x=np.zeros(n))
+    about = drive(found)
+    assert (about.path, about.stops, about.near_collisions, about.seconds) == (0.0, 0, 0, 0.0)
+    assert math.isnan(found.rate())
+    assert math.isnan(about.speed)

@@ -1,0 +1,98 @@
+"""Nobody is lost from the flow, and the funnel says where people left."""
+
+import itertools
+
+import numpy as np
+
+from experiments.analysis.dataset.records import Dataset, Page, Participant, Response, Session
+from experiments.analysis.metrics.sessions import measure_all
+from experiments.analysis.tables.flow import FLOW, flow, funnel
+from experiments.definition.shipped import shipped
+from tests.support.study_dataset import made_up
+
+STUDY = shipped()["exploration"]
+
+
+def people():
+    """One participant for each place at which one can leave."""
+    return Dataset(
+        STUDY,
+        participants=(
+            Participant("declined", left="declined"),
+            Participant("withdrawn", cell="a", withdrawn=True),
+            Participant("refused", cell="a", left="connection refused"),
+            Participant("silent", cell="a"),
+            Participant("done", cell="b", finished=True),
+        ),
+        sessions=(
+            Session("s1", "refused", "giraff", outcome="connection_refused"),
+            Session("s2", "silent", "giraff", outcome="timed_out", first_motion=3.0),
+            Session("s3", "done", "giraff", outcome="cancelled", first_motion=3.0),
+            Session("s4", "done", "giraff", number=2, outcome="completed", first_motion=3.0),
+        ),
+        responses=(Response("r", "experience", "done", {"q1": 1}, session="s3"),),
+    )
+
+
+def lines(table, cell):
+    return [(row[1].text or row[2].text, int(row[3].value)) for row in table.rows if row[0].text == cell]
+
+
+def test_every_line_is_the_one_above_less_those_who_are_named_between():
+    for dataset in (people(), made_up(np.random.default_rng(41), 40)):
+        left = None
+        for label, number in lines(flow(dataset), "all"):
+            if label in FLOW:
+                assert left is None or number == left
+                left = number
+            elif label.startswith("left: "):
+                left -= number
+        assert left == lines(flow(dataset), "all")[-1][1]
+
+
+def test_assigned_exposed_ended_and_answered_are_four_facts():
+    found = dict(lines(flow(people()), "all"))
+    assert [found[stage] for stage in FLOW] == [5, 4, 2, 2, 1]
+    assert found["left: declined"] == 1
+    assert found["left: withdrew"] == 1
+    assert found["left: connection refused"] == 1
+    assert found["left: no word (yet)"] == 1
+
+
+def test_outcomes_are_those_of_first_tasks():
+    found = dict(lines(flow(people()), "all"))
+    assert found["first task: cancelled"] == 1
+    assert "first task: completed" not in found
+
+
+def test_every_cell_has_a_flow_of_its_own():
+    assert dict(lines(flow(people()), "a"))["assigned"] == 3
+    assert dict(lines(flow(people()), "b"))["answered"] == 1
+
+
+def test_the_funnel_counts_who_came_who_went_on_and_how_long_it_took():
+    pages = (
+        Page("P1", "link", seconds=2.0), Page("P2", "link", seconds=4.0), Page("P3", "link", finished=False),
+        Page("P1", "consent", seconds=30.0), Page("P2", "consent", finished=False),
+    )  # fmt: skip
+    table = funnel(Dataset(STUDY, pages=pages), [])
+    found = {row[0].text: [cell.value for cell in row[1:]] for row in table.rows}
+    assert found["link"] == [3, 2, 1, 3.0]
+    assert found["Consent"] == [2, 1, 1, 30.0]
+    assert found["docked"] == [0, 0, 0, None]
+
+
+def test_milestones_stand_between_the_task_and_what_follows_it_and_only_fall():
+    dataset = made_up(np.random.default_rng(42), 30)
+    table = funnel(dataset, measure_all(dataset))
+    names = [row[0].text for row in table.rows]
+    assert (
+        names.index("Exploration")
+        < names.index("first picture")
+        < names.index("checkpoint 1")
+        < names.index("docked")
+        < names.index("Your experience")
+    )
+    milestones = table.rows[names.index("first picture") : names.index("docked") + 1]
+    assert all(before[2].value == after[1].value for before, after in itertools.pairwise(milestones))
+    assert all(row[1].value == row[2].value + row[3].value for row in milestones)

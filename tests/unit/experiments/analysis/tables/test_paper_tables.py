@@ -1,0 +1,196 @@
+"""The paper's tables from datasets that are whole, small, empty, or lack things."""
+
+import csv
+import io
+from dataclasses import replace
+
+import numpy as np
+import pandas
+import pytest
+from scipy import stats
+
+from experiments.analysis.dataset.records import Dataset, Participant, Response, Session
+from experiments.analysis.tables.paper_tables import lines_of, table_1, table_3, table_4, table_5
+from experiments.analysis.tables.people import participants_table, table_2
+from experiments.analysis.tables.response_selection import counted
+from experiments.analysis.tables.table import NOTHING, Table, as_csv, as_latex, number, probability, words
+from experiments.definition.shipped import shipped
+from tests.support.study_dataset import made_up, questionnaires
+
+STUDY = shipped()["exploration"]
+DATASET = made_up(np.random.default_rng(21), 40)
+STATEMENTS = [f"q{n}" for n in range(1, 9)]
+
+
+def answered(*rows, **more):
+    """A dataset of participants who answered so: a mapping each."""
+    people = tuple(Participant(f"P{n}") for n in range(len(rows)))
+    sessions = tuple(Session(f"S{n}", f"P{n}", "giraff", site="office") for n in range(len(rows)))
+    responses = tuple(Response(f"R{n}", "experience", f"P{n}", row, session=f"S{n}") for n, row in enumerate(rows))
+    return Dataset(STUDY, participants=people, sessions=sessions, responses=responses, questionnaires=questionnaires("experience", "ict"), **more)
+
+
+def frame(dataset):
+    return pandas.DataFrame([{key: one.values.get(key) for key in STATEMENTS} for one in counted(dataset, "experience")], dtype=float)
+
+
+def rows_of(table):
+    return {row[0].text: row for row in table.rows}
+
+
+def test_table_5_agrees_with_pandas_and_scipy():
+    answers = frame(DATASET)
+    groups = {"Overall": STATEMENTS, "Robot teleoperation": ["q1", "q2", "q3"], "Task complexity": ["q5", "q6", "q7"], "Q7": ["q7"]}
+    found = rows_of(table_5(DATASET))
+    for label, keys in groups.items():
+        row = found[label]
+        scores = answers[keys].mean(axis=1).dropna()
+        pooled = answers[keys].stack().dropna()
+        for cell, value in zip(row[1:6], (-2, -1, 0, 1, 2), strict=True):
+            assert cell.value == pytest.approx(100.0 * (pooled == value).mean(), abs=0.1)
+        assert sum(round(10 * cell.value) for cell in row[1:6]) == 1000
+        assert row[6].value == len(scores)
+        assert [cell.value for cell in row[7:9]] == pytest.approx([scores.mean(), scores.std()])
+        widths = [stats.norm.ppf(0.5 + level / 2.0) * scores.sem() for level in (0.95, 0.99)]
+        assert [cell.value for cell in row[9:]] == pytest.approx(widths)
+
+
+@pytest.mark.parametrize(("interval", "widths"), [("normal", (0.1715, 0.2254)), ("t", (0.1749, 0.2324))])
+def test_64_respondents_with_a_deviation_of_0_70_have_the_published_half_widths(interval, widths):
+    a = 0.7 * (63 / 64) ** 0.5  # half of them a above the mean and half a below: SD (n - 1) is 0.70
+    spread = table_5_of_scores([1.0 - a] * 32 + [1.0 + a] * 32, interval)
+    assert (spread.sd, spread.ci95, spread.ci99) == (pytest.approx(0.70), pytest.approx(widths[0], abs=5e-5), pytest.approx(widths[1], abs=5e-5))
+
+
+def table_5_of_scores(scores, interval):
+    from surveys.likert import Summary, half_width, mean_and_sd
+
+    mean, sd = mean_and_sd(scores)
+    n = len(scores)
+    return Summary(n, n, (), None, mean, sd, half_width(sd, n, 0.95, interval), half_width(sd, n, 0.99, interval), None, None)
+
+
+def test_nobody_who_answered_gives_a_table_of_dashes():
+    found = table_5(answered())
+    assert len(found.rows) == 13
+    assert {cell.text for row in found.rows for cell in row[1:]} == {NOTHING, "0"}
+
+
+def test_one_who_answered_has_a_mean_and_no_deviation():
+    row = rows_of(table_5(answered(dict.fromkeys(STATEMENTS, 1))))["Overall"]
+    assert [cell.text for cell in row[1:]] == ["0.0", "0.0", "0.0", "100.0", "0.0", "1", "1.00", NOTHING, NOTHING, NOTHING]
+
+
+def test_missing_answers_lessen_n_and_percentages_still_sum_to_100():
+    found = rows_of(table_5(answered({"q1": 2}, {"q1": None, "q2": 1}, {"q1": -1}, {})))
+    assert (found["Q1"][6].value, found["Q2"][6].value, found["Q3"][6].value) == (2, 1, 0)
+    assert sum(cell.value for cell in found["Q1"][1:6]) == 100.0
+
+
+def test_every_number_of_table_5_knows_the_sessions_behind_it():
+    found = rows_of(table_5(answered({"q1": 2, "q2": 1}, {"q1": 1}, {"q2": 2})))
+    assert found["Q1"][7].sessions == ("S0", "S1")
+    assert found["Q1"][5].sessions == ("S0",)
+    assert found["Overall"][5].sessions == ("S0", "S2")
+
+
+@pytest.mark.parametrize(("rule", "value"), [("first", -2.0), ("last", 2.0), ("all", 0.0)])
+def test_the_response_that_counts_is_a_rule_of_the_study_and_stands_below(rule, value):
+    import msgspec
+
+    sessions = tuple(Session(f"S{n}", "P", "giraff", number=n) for n in (1, 2))
+    responses = tuple(Response(f"R{n}", "experience", "P", {"q1": {1: -2, 2: 2}[n]}, session=f"S{n}") for n in (2, 1))
+    study = msgspec.structs.replace(STUDY, analysis=msgspec.structs.replace(STUDY.analysis, counts=rule))
+    dataset = Dataset(study, participants=(Participant("P"),), sessions=sessions, responses=responses, questionnaires=questionnaires("experience"))
+    found = table_5(dataset)
+    assert rows_of(found)["Q1"][7].value == value
+    assert "response" in found.notes[0]
+    assert "1 participants" in found.notes[0]
+
+
+def test_a_response_that_was_not_sent_off_does_not_count():
+    dataset = answered({"q1": 2}, {"q1": -2})
+    responses = (dataset.responses[0], replace(dataset.responses[1], finished=False))
+    assert rows_of(table_5(replace(dataset, responses=responses)))["Q1"][7].value == 2.0
+
+
+def test_in_each_condition_one_response_of_a_participant_counts():
+    sessions = (Session("S1", "P", "giraff", condition="alone"), Session("S2", "P", "giraff", number=2, condition="assisted"))
+    responses = (Response("R1", "experience", "P", {"q1": 0}, session="S1"), Response("R2", "experience", "P", {"q1": 2}, session="S2"))
+    dataset = Dataset(STUDY, participants=(Participant("P"),), sessions=sessions, responses=responses, questionnaires=questionnaires("experience"))
+    means = [rows_of(table_5(dataset, key))["Q1"][7].value for key in (None, "alone", "assisted")]
+    assert means == [0.0, 0.0, 2.0]
+
+
+def test_without_a_questionnaire_tables_are_empty_and_no_error():
+    dataset = Dataset(STUDY)
+    assert lines_of(dataset) == ([], [])
+    for table in (table_1(dataset), table_2(dataset), table_3(dataset), table_4(dataset), table_5(dataset), participants_table(dataset)):
+        assert as_csv(table)
+        assert as_latex(table)
+
+
+def test_table_1_has_a_column_a_robot_also_for_one_that_nobody_described():
+    dataset = answered({"q1": 1})
+    assert table_1(dataset).head == ("", "giraff")
+    assert rows_of(table_1(DATASET))["RCA"][2].text == "ROS"
+    assert sum(cell.value for cell in rows_of(table_1(DATASET))["Sessions"][1:]) == len(DATASET.sessions)
+
+
+def test_table_3_has_the_papers_systems_those_that_were_found_and_other():
+    sessions = tuple(
+        Session(f"S{n}", f"P{n}", "giraff", os=system, browser=browser, network=f"n{n % 2}")
+        for n, (system, browser) in enumerate((("Windows", "Chrome"), ("FreeBSD", "Firefox"), ("", ""), ("Windows", "Opera")))
+    )
+    found = table_3(Dataset(STUDY, sessions=sessions))
+    assert [row[0].text for row in found.rows] == ["Windows", "Linux", "Mac OS", "Android", "iOS", "FreeBSD", "other", "all"]
+    assert rows_of(found)["Windows"][1].sessions == ("S0",)
+    assert rows_of(found)["all"][-1].value == 4
+    assert "2 different networks" in found.notes[0]
+    counts = pandas.crosstab([one.os for one in DATASET.sessions], [one.browser for one in DATASET.sessions])
+    assert rows_of(table_3(DATASET))["Windows"][1].value == counts.loc["Windows", "Chrome"]
+
+
+def test_table_4_has_every_statement_with_its_topic():
+    found = table_4(DATASET)
+    assert [row[1].text for row in found.rows] == [f"Q{n}" for n in range(1, 9)]
+    assert found.rows[4][0].text == "Task complexity"
+    assert "Strongly disagree" in found.notes[0]
+
+
+def test_the_answers_of_a_question_and_those_who_gave_none_sum_to_100():
+    for table in (table_2(DATASET), participants_table(DATASET)):
+        groups, sums = [], {}
+        for row in table.rows:
+            groups.append(row[0].text or (groups[-1] if groups else ""))
+            if row[3].value is not None and row[1].text not in {"youngest", "median", "oldest"}:
+                sums[groups[-1]] = sums.get(groups[-1], 0.0) + row[3].value
+        sums.pop("Participants", None)
+        assert len(sums) >= 7
+        assert all(total == pytest.approx(100.0) for total in sums.values())
+
+
+def test_ages_are_those_of_pandas():
+    registered = {one.participant for one in DATASET.responses if one.questionnaire == "ict"}
+    ages = pandas.Series([one.age for one in DATASET.participants if one.id in registered])
+    found = {row[1].text: row[2].value for row in participants_table(DATASET).rows[:12]}
+    assert found["15–29"] == ((ages >= 15) & (ages < 30)).sum()
+    assert found["not reported"] == ages.isna().sum()
+    assert (found["youngest"], found["median"], found["oldest"]) == (ages.min(), ages.median(), ages.max())
+
+
+def test_latex_and_csv_survive_what_a_title_can_hold():
+    nasty = "50 % of_{x} & #1 \\ ~^ $"
+    table = Table("t", nasty, ("", "a"), ((words(nasty), number(-0.001)), (words("=1+1"), number(None))), (nasty,))
+    assert r"50 \% of\_\{x\} \& \#1 \textbackslash{} \textasciitilde{}\textasciicircum{} \$" in as_latex(table)
+    rows = list(csv.reader(io.StringIO(as_csv(table))))
+    assert rows[1] == [nasty, "-0.001"]
+    assert rows[2] == ["'=1+1", ""]
+    assert number(-0.001).text == "0.00"
+    assert number(-1.5).text == "−1.50"
+    assert probability(0.0002).text == "<0.001"
+
+
+def test_a_row_of_the_wrong_length_is_no_table():
+    with pytest.raises(ValueError, match="needs 2 cells"):
+        Table("t", "", ("a", "b"), ((words("x"),),))

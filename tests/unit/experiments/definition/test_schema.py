@@ -1,0 +1,218 @@
+import json
+
+import msgspec
+import pytest
+
+from experiments.definition.feasibility import Known, RobotFacts, obstacles
+from experiments.definition.problems import MAX_BYTES, parse, problems
+from experiments.definition.reachability import unreachable
+from experiments.definition.schema import Study, digest, from_stored, to_json
+from experiments.definition.shipped import shipped
+from robots.agent.simulator.profiles import MODELS
+from robots.api.floorplan import FloorPlan
+from robots.world.sites import load_plan
+from surveys.problems import BadDefinitionError
+from surveys.questionnaires import shipped as shipped_questionnaires
+from tests.support.studies import PLAN, STUDY, cabin, small_study
+
+ALL = frozenset({"velocity", "goto", "follow", "dock", "undock", "tilt", "assist"})
+GIRAFF = RobotFacts(ALL, 0.7)
+
+
+def known(plan: FloorPlan | None = None, robot: RobotFacts = GIRAFF) -> Known:
+    return Known({"cabin": plan or cabin()}, {"giraff": robot}, frozenset({("experience", 1)}))
+
+
+def here(study: Study, **of_known) -> list[str]:
+    return list(obstacles(study, known(**of_known), unreachable))
+
+
+def changed(part: str, index: int, **fields) -> dict:
+    items = json.loads(json.dumps(STUDY[part]))
+    items[index].update(fields)
+    return {part: items}
+
+
+def test_a_study_is_the_same_after_export_and_import():
+    study = small_study()
+    assert parse(to_json(study)) == study
+    assert from_stored(json.loads(to_json(study))) == study
+    assert not here(study)
+
+
+def test_the_digest_changes_with_any_field_and_with_no_other_spelling():
+    study = small_study()
+    assert digest(study) == digest(parse(to_json(study).replace(b"\n", b"\n\n")))
+    written_out = {"speed": {}, "assist": "off", "network": {"control": None}, "doors_closed": []}
+    assert digest(study) == digest(small_study(**changed("conditions", 0, **written_out), allocation={"design": "between"}, intro={}))
+    others = [small_study(**changed("conditions", 0, assist="slow")), small_study(version=2), small_study(quality={"longest_gap": 3.0})]
+    assert len({digest(study), *map(digest, others)}) == 4
+
+
+def test_the_shipped_studies_can_be_run_in_the_office():
+    questionnaires = frozenset((d.slug, d.version) for d in shipped_questionnaires().values() if not d.template)
+    robots = {name: RobotFacts(ALL, model.limits.linear) for name, model in MODELS.items()}
+    sites = {"office": load_plan("office")[0]}
+    assert set(shipped()) == {"exploration", "assistance"}
+    for study in shipped().values():
+        assert list(obstacles(study, Known(sites, robots, questionnaires), unreachable)) == []
+
+
+def test_the_shipped_courses_are_the_sites_own_routes():
+    plan = load_plan("office")[0]
+    for study in shipped().values():
+        for course in study.courses:
+            route = plan.route_of(course.robot)
+            assert [(c.number, c.x, c.y, c.radius, c.title["en"]) for c in course.checkpoints] == [
+                (c.number, c.x, c.y, c.radius, c.title) for c in route.checkpoints
+            ]
+            assert course.path == route.path
+
+
+def test_the_papers_study_has_no_assistance_and_no_autonomy_and_asks_giraffs_drivers_alone_for_a_photo():
+    study = shipped()["exploration"]
+    assert {condition.assist for condition in study.conditions} == {"off"}
+    assert {action for condition in study.conditions for action in condition.actions} == {"tilt"}
+    assert {condition.access for condition in study.conditions if condition.robot == "rhodon"} == {"invitation"}
+    assert [(course.robot, course.photo is not None) for course in study.courses] == [("giraff", True), ("rhodon", False)]
+    assert study.task.minutes == 15.0
+    assert study.analysis.interval == "normal"
+
+
+def test_the_second_study_has_everybody_drive_with_and_without_assistance():
+    study = shipped()["assistance"]
+    assert study.allocation.design == "within"
+    assert {condition.key: condition.assist for condition in study.conditions} == {"alone": "off", "assisted": "steer"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"courses": [{**STUDY["courses"][0], "checkpoints": []}]}, "there is no checkpoint"),
+        ({"courses": [{**STUDY["courses"][0], "checkpoints": STUDY["courses"][0]["checkpoints"][:1]}]}, "no checkpoint beside"),
+        ({"courses": []}, "there is no course for giraff at cabin"),
+        ({"courses": STUDY["courses"] * 2}, "course of giraff at cabin stands 2 times"),
+        (changed("courses", 0, checkpoints=STUDY["courses"][0]["checkpoints"][::-1]), "numbered [2, 1, 0]"),
+        (changed("courses", 0, photo={"checkpoint": 7, "mirror": "mirror"}), "checkpoint 7, which is not there"),
+        (changed("courses", 0, site="elsewhere"), "no condition uses it"),
+        (changed("conditions", 1, key="all_open"), "condition all_open stands 2 times"),
+        (changed("conditions", 0, controllers=[]), "nobody could drive"),
+        (changed("conditions", 0, speed={"linear": 0.01}), "takes longer than the task's 5 minutes"),
+        (changed("conditions", 0, network={"control": {"delay": 0.1, "jitter": 0.2}}), "towards the robot, the jitter is greater than the delay"),
+        (changed("conditions", 0, network={"video": {"loss": 0.6}}), "back from the camera, more than 50% of the packets would be lost"),
+        (changed("conditions", 0, network={"control": {"bitrate": 9000}}), "towards the robot, the bit rate is below 50 kbit/s"),
+        (changed("conditions", 0, network={"video": {"bitrate": 100_000}}), "back from the camera, the bit rate is below 150 kbit/s"),
+        ({"conditions": []}, "There is no condition"),
+        ({"steps": STUDY["steps"][1:]}, "There are 0 task steps"),
+        ({"steps": [STUDY["steps"][0], *STUDY["steps"]]}, "There are 2 task steps"),
+        ({"steps": STUDY["steps"][:1]}, "statements of the analysis, experience, are not among"),
+        ({"steps": [*STUDY["steps"], {"kind": "consent", "key": "c", "title": {"en": "C"}, "text": {"en": "yes?"}}]}, "not the first step"),
+        ({"steps": [{"kind": "debrief", "key": "d", "title": {"en": "D"}, "text": {"en": "bye"}}, *STUDY["steps"]]}, "not the last step"),
+        ({"steps": [*STUDY["steps"], {"kind": "instructions", "key": "i", "title": {"en": "I"}, "leaves": []}]}, "nothing to read"),
+        ({"allocation": {"design": "within"}}, "the task is not repeated"),
+        ({"refill": {"outcomes": ["robot_fault"]}}, "needs both outcomes and a number"),
+        ({"refill": {"outcomes": ["completed"], "most": 1}}, "may not refill"),
+        (changed("steps", 0, last_minutes=9), "longer than the task"),
+        ({"languages": ["en", "es"]}, "study.title has no text in es"),
+        ({"title": {"en": "  "}}, "study.title has no text in en"),
+        ({"title": {"en": "a\x00b"}}, "null character"),
+        ({"slug": "link"}, "belongs to the addresses of personal links"),
+    ],
+)
+def test_a_study_that_makes_no_sense_is_refused_with_a_sentence_that_says_where(changes, said):
+    found = list(problems(small_study(**changes)))
+    assert any(said in problem for problem in found), found
+
+
+def test_five_conditions_are_too_many_for_one_participant():
+    conditions = [{**STUDY["conditions"][0], "key": f"c{n}"} for n in range(5)]
+    steps = [{**STUDY["steps"][0], "repeat": True}, STUDY["steps"][1]]
+    found = list(problems(small_study(conditions=conditions, steps=steps, allocation={"design": "within"})))
+    assert found == ["5 conditions within one participant; at most 4 can be ordered."]
+
+
+@pytest.mark.parametrize(
+    ("document", "said"),
+    [
+        (b"", "This is not JSON"),
+        (b"\xff\xfe", "This is not JSON"),
+        (b"[" * 100_000, "Expected `object`"),
+        (b"{}", "missing required field"),
+        (json.dumps({**STUDY, "stepz": []}).encode(), "unknown field `stepz`"),
+        (json.dumps({**STUDY, "format": 2}).encode(), "$.format"),
+        (json.dumps({**STUDY, **changed("conditions", 0, assist="much")}).encode(), "$.conditions[0].assist"),
+        (json.dumps({**STUDY, **changed("conditions", 0, network={"control": {"dealy": 1}})}).encode(), "unknown field `dealy`"),
+        (json.dumps({**STUDY, **changed("conditions", 0, network={"control": {"loss": 2}})}).encode(), "network.control.loss"),
+        (json.dumps({**STUDY, **changed("steps", 0, minutes=-1)}).encode(), "$.steps[0].minutes"),
+        (b" " * (MAX_BYTES + 1), "larger than 1024 kB"),
+    ],
+)
+def test_a_broken_file_is_refused_with_the_place_in_it(document, said):
+    with pytest.raises(BadDefinitionError) as error:
+        parse(document)
+    assert said in str(error.value)
+
+
+def plan_with(**changes) -> FloorPlan:
+    return msgspec.convert({**PLAN, **changes}, FloorPlan)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (changed("courses", 0, dock="nowhere"), "no charging station nowhere"),
+        (changed("courses", 0, doors=["gate"]), "there is no door gate"),
+        (changed("courses", 0, photo={"checkpoint": 2, "mirror": "pond"}), "there is no mirror pond"),
+        (changed("conditions", 1, doors_closed=["gate"]), "there is no door gate to close"),
+        (changed("conditions", 1, interface="fancy"), "no interface profile fancy"),
+        (changed("steps", 1, questionnaire="sus"), "no usable questionnaire sus, version 1"),
+    ],
+)
+def test_a_study_about_things_that_are_not_there_is_impossible(changes, said):
+    assert any(said in problem for problem in here(small_study(**changes)))
+
+
+def test_two_charging_stations_for_one_robot_are_one_too_many_until_the_course_names_its_own():
+    second = {**PLAN["docks"][0], "name": "second", "y": 3.2}
+    plan = plan_with(docks=[*PLAN["docks"], second])
+    assert any("there are 2 charging stations for giraff" in problem for problem in here(small_study(), plan=plan))
+    assert not here(small_study(**changed("courses", 0, dock="home")), plan=plan)
+
+
+def test_a_station_of_another_robot_and_a_start_elsewhere_are_told():
+    other = plan_with(docks=[{**PLAN["docks"][0], "type": "rhodon"}])
+    assert any("no charging station there is one for giraff" in problem for problem in here(small_study(), plan=other))
+    far = plan_with(docks=[{**PLAN["docks"][0], "y": 3.2}])
+    assert any("checkpoint 0 does not lie at the charging station home" in problem for problem in here(small_study(), plan=far))
+
+
+def test_a_checkpoint_behind_the_only_door_cannot_be_reached_when_that_is_closed():
+    # With the archway walled up the door is the only way.
+    plan = plan_with(walls=[*PLAN["walls"], {"start": [4.1, 2.6], "end": [4.1, 3.6], "thickness": 0.2}], passages=[])
+    assert here(small_study(), plan=plan) == ["Condition shut: checkpoint 2 cannot be reached from the charging station with door closed."]
+
+
+def test_a_checkpoint_outside_of_the_rooms_is_told():
+    points = [*STUDY["courses"][0]["checkpoints"][:2], {"number": 2, "x": 20, "y": 20}]
+    found = here(small_study(**changed("courses", 0, checkpoints=points)))
+    assert any("checkpoint 2 lies in no room" in problem for problem in found)
+
+
+def test_a_robot_that_cannot_do_what_a_condition_allows_is_told():
+    study = small_study(**changed("conditions", 0, actions=["map", "dock"], assist="slow"))
+    found = here(study, robot=RobotFacts(frozenset({"velocity"}), 0.7))
+    assert found == [
+        "Condition all_open: giraff cannot do the action map.",
+        "Condition all_open: giraff cannot do the action dock.",
+        "Condition all_open: giraff cannot do assistance slow.",
+    ]
+
+
+def test_a_robot_too_slow_for_the_time_limit_is_told():
+    assert any("the most of giraff, the course takes longer" in problem for problem in here(small_study(), robot=RobotFacts(ALL, 0.02)))
+
+
+def test_a_site_that_is_not_there_is_told_and_does_not_end_the_search():
+    found = list(obstacles(small_study(), Known({}, {}, frozenset()), unreachable))
+    assert "Course of giraff at cabin: there is no site cabin." in found
+    assert "Condition all_open: there is no robot of the series giraff." in found

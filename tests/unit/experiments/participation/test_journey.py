@@ -1,0 +1,113 @@
+import msgspec
+import pytest
+
+from experiments.definition.schema import Study
+from experiments.definition.shipped import shipped
+from experiments.participation import journey
+from experiments.participation.journey import NoPlaceError, Place
+from tests.support.studies import STUDY
+
+
+def study(*steps: str, within: bool = False) -> Study:
+    """A study of steps that are written `kind:key`, with `*` where they are repeated."""
+    needs = {"task": {"minutes": 5}, "questionnaire": {"questionnaire": "experience"}, "form": {"questionnaire": "ict"}}
+    written = []
+    for step in steps:
+        kind, key = step.removesuffix("*").split(":")
+        more = {"text": {"en": "x"}} if kind in {"consent", "debrief"} else {"leaves": [{"text": {"en": "x"}}]} if kind == "instructions" else {}
+        written.append({"kind": kind, "key": key, "title": {"en": key}, "repeat": step.endswith("*"), **needs.get(kind, {}), **more})
+    return msgspec.convert({**STUDY, "steps": written, "allocation": {"design": "within" if within else "between"}}, Study)
+
+
+TWICE = study("consent:consent", "form:you", "instructions:read*", "task:task*", "questionnaire:after*", "debrief:thanks", within=True)
+
+
+def words(way) -> str:
+    return " ".join(place.word for place in way)
+
+
+def test_repeated_steps_are_gone_through_once_for_each_condition():
+    assert words(journey.route(TWICE, 2, 1)) == "1.0.consent 1.0.you 1.0.read 1.0.task 1.0.after 1.1.read 1.1.task 1.1.after 1.1.thanks"
+
+
+def test_a_study_without_repeats_has_one_round_whatever_is_asked():
+    once = study("consent:consent", "task:task", "questionnaire:after")
+    assert words(journey.route(once, 3, 2)) == "2.0.consent 2.0.task 2.0.after"
+
+
+def test_within_participants_there_are_as_many_rounds_as_conditions_that_are_open_to_them():
+    assert journey.rounds(TWICE, "open") == 2
+    assert journey.rounds(TWICE, "invitation") == 1
+    assert journey.rounds(shipped()["exploration"], "open") == 1
+    assert journey.rounds(shipped()["assistance"], "open") == 2
+
+
+def test_a_later_visit_begins_behind_what_was_given_and_answered_before():
+    way = journey.route(TWICE, 2, 2)
+    assert journey.begin(way, {"consent", "you"}) == Place(2, 0, "read")
+    assert journey.begin(way, {"consent"}) == Place(2, 0, "you")
+    assert journey.begin(way) == Place(2, 0, "consent")
+
+
+@pytest.mark.parametrize("definition", [TWICE, *shipped().values()], ids=lambda one: one.slug)
+def test_going_on_from_each_place_passes_every_place_once_and_ends(definition):
+    way = journey.route(definition, journey.rounds(definition, "open"), 1)
+    passed, here = [], journey.begin(way)
+    while here is not None:
+        passed.append(here)
+        here = journey.following(way, here)
+    assert tuple(passed) == way
+    assert len(set(way)) == len(way)
+
+
+def test_a_step_that_is_skipped_is_passed_over_also_from_where_one_stands():
+    way = journey.route(TWICE, 2, 1)
+    assert journey.following(way, Place(1, 0, "consent"), {"you"}) == Place(1, 0, "read")
+    assert journey.following(way, Place(1, 0, "you"), {"you"}) == Place(1, 0, "read")
+    assert journey.following(way, Place(1, 1, "thanks")) is None
+
+
+def test_a_place_that_is_not_on_the_way_leads_nowhere():
+    with pytest.raises(NoPlaceError):
+        journey.following(journey.route(TWICE, 2, 1), Place(2, 0, "consent"))
+
+
+def test_a_page_sends_back_the_place_that_it_was_shown_at():
+    way = journey.route(TWICE, 2, 2)
+    for place in (*way, *journey.route(TWICE, 2, 1)):
+        assert journey.read(place.word, way) == place
+
+
+@pytest.mark.parametrize(
+    "word",
+    [
+        "",
+        "1",
+        "1.0",
+        "1.0.nothing",
+        "3.0.consent",
+        "0.0.consent",
+        "1.9.task",
+        "1.0.thanks",
+        "1.-1.task",
+        "١.0.task",
+        "1.0.task\n",
+        "1.0.task ",
+        "x" * 9999,
+    ],
+)
+def test_a_forged_place_is_refused(word):
+    with pytest.raises(NoPlaceError):
+        journey.read(word, journey.route(TWICE, 2, 2))
+
+
+def test_the_step_of_a_place_is_found_and_that_of_no_place_is_not():
+    assert journey.step_at(TWICE, Place(1, 1, "task")).key == "task"
+    with pytest.raises(NoPlaceError):
+        journey.step_at(TWICE, Place(1, 1, "gone"))
+
+
+def test_progress_counts_from_one_to_all():
+    way = journey.route(TWICE, 2, 1)
+    assert journey.share_done(way, way[0]) == (1, 9)
+    assert journey.share_done(way, way[-1]) == (9, 9)

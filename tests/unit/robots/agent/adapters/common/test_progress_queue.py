@@ -1,0 +1,40 @@
+"""News of actions wait in order, and never without bound."""
+
+import asyncio
+
+import pytest
+
+from robots.agent.adapters.common.progress_queue import MOST, ProgressQueue
+from robots.agent.robot_interface import ActionProgress, AdapterError
+
+
+async def test_news_come_in_order_and_a_reader_waits_for_the_next():
+    news = ProgressQueue()
+    reading = asyncio.ensure_future(news.get())
+    await asyncio.sleep(0)
+    assert not reading.done()
+    for status in ("RUNNING", "FINISHED"):
+        news.put(ActionProgress("a1", status))
+    assert [(await reading).status, (await news.get()).status] == ["RUNNING", "FINISHED"]
+
+
+async def test_what_nobody_reads_does_not_grow():
+    news = ProgressQueue()
+    for number in range(10_000):
+        news.put(ActionProgress("a1", "RUNNING", result={"number": float(number)}))
+    news.put(ActionProgress("a1", "FINISHED"))
+    assert (await news.get()).result == {"number": 9999.0}
+    assert (await news.get()).status == "FINISHED"
+    for number in range(10_000):
+        news.put(ActionProgress(f"a{number}", "RUNNING"))
+    left = [(await news.get()).action_id for _ in range(MOST)]
+    assert left == [f"a{number}" for number in range(10_000 - MOST, 10_000)]
+
+
+async def test_the_end_of_news_is_told_after_what_came_before():
+    news = ProgressQueue()
+    news.put(ActionProgress("a1", "RUNNING"))
+    news.put(AdapterError("gone"))
+    assert (await news.get()).action_id == "a1"
+    with pytest.raises(AdapterError, match="gone"):
+        await news.get()

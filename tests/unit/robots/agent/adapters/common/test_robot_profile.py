@@ -1,0 +1,101 @@
+"""Robots' profiles: the paper's two, one's own, and the sentence for everything that cannot be."""
+
+import re
+import tomllib
+
+import pytest
+
+from robots.agent.adapters import registry
+from robots.agent.adapters.common.robot_profile import SHIPPED, load_profile
+from robots.agent.config import load
+from robots.agent.robot_interface import AdapterError, DepthCamera, Sonar
+from robots.agent.safety.obstacle_sources import sources_of
+from tests.support.paths import ROOT
+
+MINE = 'series = "mine"\nfootprint = [[0.2, -0.2], [0.2, 0.2], [-0.2, 0.0]]\n[limits]\n'
+LIMITS = (
+    "linear = 0.5\nreverse = 0.2\nangular = 1.0\nlinear_acceleration = 0.3\nangular_acceleration = 0.8\nlinear_braking = 0.8\nangular_braking = 2.0\n"
+)
+REAL = ("moos", "openmora_mqtt", "ros1", "ros2", "rosbridge")
+
+
+def arguments(robot, **given):
+    return load({"robot": robot, "mqtt_url": "mqtt://127.0.0.1", **given}, {})
+
+
+@pytest.mark.parametrize("adapter", REAL)
+@pytest.mark.parametrize("robot", sorted(path.stem for path in SHIPPED.glob("*.toml")))
+def test_each_of_the_papers_robots_goes_with_each_architecture(robot, adapter):
+    profile = registry.create(adapter, robot).profile
+    assert profile.series == robot
+    assert profile.watchdog > 0.0
+    assert ("tilt" in profile.capabilities) <= (robot == "giraff")
+
+
+def test_the_command_line_of_the_paper_is_enough():
+    config = arguments("giraff", adapter="moos", option=["host=10.0.0.5"])
+    adapter = registry.create(config.adapter, config.profile, config.options)
+    assert adapter.place == "the MOOSDB at 10.0.0.5:9000"
+    assert adapter.profile.rca == "MOOS (OpenMORA)"
+    assert {"localization", "goto", "dock", "undock", "tilt"} <= set(adapter.profile.capabilities)
+    config = arguments("rhodon", adapter="ros1")
+    assert registry.create(config.adapter, config.profile, config.options).profile.rca == "ROS 1"
+
+
+def test_a_profile_of_ones_own_overrules_defaults_and_options_overrule_it(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text(MINE + LIMITS + '[moos]\nwatchdog = 0.5\nport = 9001\nhost = "robot"\n')
+    assert registry.create("moos", str(file)).place == "the MOOSDB at robot:9001"
+    assert registry.create("moos", str(file), {"port": "9002"}).place == "the MOOSDB at robot:9002"
+
+
+def test_sensors_for_obstacles_are_the_profiles_and_each_gives_help_by_itself(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text("bumper = true\n" + MINE + LIMITS + "[[sonars]]\nx = 0.2\ny = 0.0\ntheta = 0.0\nwidth = 0.4\n[depth]\n[moos]\nwatchdog = 0.5\n")
+    profile = registry.create("moos", str(file)).profile
+    assert (profile.sonars, profile.bumper, profile.depth) == ((Sonar(0.2, 0.0, 0.0, width=0.4),), True, DepthCamera())
+    assert len(sources_of(profile)) == 3
+
+
+def test_a_base_without_localization_gets_ours():
+    adapter = registry.autonomous(registry.create("ros2", "rhodon", {"localization": "none"}))
+    assert {"goto", "dock", "undock", "relocalize"} <= set(adapter.profile.capabilities)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("series = ", "cannot be used"),
+        (MINE, "linear"),
+        (MINE + LIMITS + "[tilt]\nminimum = 0.0\n", "maximum"),
+        ('colour = "red"\n' + MINE + LIMITS, "colour is nothing that a profile says"),
+        (MINE + LIMITS + "[battery]\nempty = 30.0\nfull = 20.0\n", "fewer volts"),
+        (MINE.replace("0.2, -0.2", "0.2") + LIMITS, "footprint"),
+        (MINE + LIMITS + "[moos]\nwatchdog = 0.0\n", "watchdog"),
+        (MINE + LIMITS + "[[sonars]]\nx = 0.2\ny = 0.0\n", "theta"),
+        (MINE + LIMITS + "[[sonars]]\nx = 0.2\ny = 0.0\ntheta = 0.0\nwide = 1.0\n", "wide"),
+        (MINE + LIMITS + "[depth]\nheight = 1.0\n", "height"),
+        (MINE + LIMITS + "[moos]\nwatchdog = 0.5\nwings = 2\n", "no option wings"),
+    ],
+)
+def test_a_profile_that_cannot_be_is_refused_with_the_reason(tmp_path, text, sentence):
+    file = tmp_path / "mine.toml"
+    file.write_text(text)
+    with pytest.raises(AdapterError, match=sentence):
+        registry.create("moos", str(file))
+
+
+def test_a_profile_that_is_not_there_is_answered_with_those_that_are():
+    with pytest.raises(AdapterError, match="there are giraff, rhodon"):
+        load_profile("r2d2")
+
+
+def test_what_is_not_installed_is_named_with_the_line_that_installs_it(monkeypatch):
+    import sys
+
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    for module, library in (("ros2", "cyclonedds.core"), ("rosbridge", "websockets.exceptions")):
+        monkeypatch.delitem(sys.modules, f"robots.agent.adapters.ros.{module}", raising=False)
+        monkeypatch.setitem(sys.modules, library, None)
+        with pytest.raises(AdapterError, match=re.escape(f"pip install '{extras[module][0]}'")):
+            registry.create(module, "rhodon")

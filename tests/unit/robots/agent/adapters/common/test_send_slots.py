@@ -1,0 +1,75 @@
+"""What waits to be said: velocities never late, letters in order."""
+
+import asyncio
+
+import pytest
+
+from robots.agent.adapters.common import send_slots
+from robots.agent.adapters.common.send_slots import Outgoing
+from robots.agent.robot_interface import AdapterError
+
+
+class Clock:
+    def __init__(self, monkeypatch):
+        self.now = 100.0
+        monkeypatch.setattr(send_slots.time, "monotonic", lambda: self.now)
+
+
+async def taken(waiting):
+    """Everything that can be taken without waiting."""
+    found = []
+    while True:
+        try:
+            async with asyncio.timeout(0):
+                found.append(await waiting.take())
+        except TimeoutError:
+            return found
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    return Clock(monkeypatch)
+
+
+async def test_of_velocities_the_newest_is_sent_before_all_letters(clock):
+    waiting = Outgoing()
+    waiting.say("a")
+    waiting.drive("slow")
+    waiting.drive("fast")
+    waiting.say("b")
+    assert await taken(waiting) == ["fast", "a", "b"]
+
+
+async def test_a_velocity_that_waited_is_dropped_and_letters_are_not(clock):
+    waiting = Outgoing()
+    waiting.say("a")
+    waiting.drive("fast")
+    clock.now += 0.3
+    assert await taken(waiting) == ["a"]
+
+
+async def test_velocities_that_nobody_takes_say_that_the_connection_is_gone(clock):
+    waiting = Outgoing()
+    for _ in range(5):
+        waiting.drive("fast")
+        clock.now += 0.12
+    with pytest.raises(AdapterError, match="takes no commands"):
+        waiting.drive("fast")
+
+
+async def test_letters_are_bounded(clock):
+    waiting = Outgoing()
+    for number in range(200):
+        waiting.say(number)
+    with pytest.raises(AdapterError, match="takes no messages"):
+        waiting.say("one more")
+    waiting.clear()
+    assert len(waiting) == 0
+
+
+async def test_who_waits_is_woken():
+    waiting = Outgoing()
+    taking = asyncio.ensure_future(waiting.take())
+    await asyncio.sleep(0)
+    waiting.drive("fast")
+    assert await taking == "fast"

@@ -1,0 +1,170 @@
+"""From what an RCA says, piece by piece, to one state: pure, with times that the test says."""
+
+import math
+
+import numpy as np
+import pytest
+
+from robots.agent.adapters.common.robot_profile import BatteryRange
+from robots.agent.adapters.common.state_builder import Readings, stamp_of
+from robots.agent.control.state_validation import sound
+from robots.agent.robot_interface import NOWHERE, ObstaclePoints
+from robots.agent.safety.ramp import ZERO
+from robots.api.geometry import Pose2D
+from robots.api.messages import Pose, Scan, Velocity
+
+AHEAD = Velocity(linear=0.3, angular=0.0)
+SCAN = Scan(stamp=1.0, angle_min=0.0, angle_increment=0.1, range_max=5.0, ranges=(1.0, None))
+
+
+def driven(readings, count=20, speed=0.5, turn=0.0, start=100.0):
+    """Poses every 50 ms, of a robot that says no velocity."""
+    here = Pose2D(0.0, 0.0, 0.0)
+    for number in range(count):
+        stamp = start + 0.05 * number
+        readings.located(Pose(x=here.x, y=here.y, theta=here.theta), stamp, stamp)
+        here = here.compose(Pose2D(speed * 0.05, 0.0, turn * 0.05))
+    return readings
+
+
+def test_a_stamp_is_believed_when_the_clocks_agree():
+    assert stamp_of(99.8, 100.0) == 99.8
+    assert stamp_of(5.0, 100.0) == 100.0
+
+
+def test_before_anything_was_heard_it_stands_nowhere():
+    readings = Readings()
+    state = readings.state(10.0)
+    assert (state.pose, state.velocity, state.odometry, state.distance) == (NOWHERE, ZERO, None, 0.0)
+    assert readings.heard_at == -math.inf
+
+
+def test_an_architecture_that_says_only_where_gets_its_velocity_from_that():
+    state = driven(Readings(), speed=0.4, turn=0.2).state(0.0)
+    assert state.velocity.linear == pytest.approx(0.4, abs=0.01)
+    assert state.velocity.angular == pytest.approx(0.2, abs=0.01)
+    assert state.distance == pytest.approx(0.4 * 0.05 * 19, abs=0.001)
+    assert state.odometry is None
+
+
+def test_a_robot_that_backs_up_has_a_negative_velocity():
+    assert driven(Readings(), speed=-0.2).velocity.linear == pytest.approx(-0.2, abs=0.01)
+
+
+def test_a_pose_that_jumps_is_a_new_fix_and_no_motion():
+    readings = driven(Readings(), speed=0.0)
+    readings.located(Pose(x=8.0, y=3.0, theta=1.0), 101.0, 101.0)
+    state = readings.state(0.0)
+    assert state.velocity == ZERO
+    assert state.distance == 0.0
+    assert (state.pose.x, state.pose.y) == (8.0, 3.0)
+
+
+def test_an_old_fix_is_carried_on_by_the_odometry():
+    readings = Readings()
+    readings.moved(Pose2D(10.0, 0.0, 0.0), AHEAD, 100.0, 100.0)
+    readings.located(Pose(x=1.0, y=2.0, theta=math.pi / 2), 100.0, 100.0)
+    readings.moved(Pose2D(10.05, 0.0, 0.0), AHEAD, 100.1, 100.1)
+    pose = readings.pose
+    assert (pose.x, pose.y, pose.theta) == pytest.approx((1.0, 2.05, math.pi / 2))
+    assert readings.velocity == AHEAD
+
+
+def test_a_fix_belongs_to_the_odometry_of_its_own_moment():
+    readings = Readings()
+    for number in range(10):
+        readings.moved(Pose2D(0.05 * number, 0.0, 0.0), AHEAD, 100.0 + 0.1 * number, 100.0 + 0.1 * number)
+    readings.located(Pose(x=5.0, y=0.0, theta=0.0), 100.3, 101.0)  # computed late, of a scan from before
+    assert readings.pose.x == pytest.approx(5.0 + 0.05 * 6)
+
+
+def test_a_transform_says_where_the_odometry_lies_in_the_map_and_what_is_lost_is_nowhere():
+    readings = Readings()
+    readings.moved(Pose2D(1.0, 0.0, 0.0), AHEAD, 100.0, 100.0)
+    readings.corrected(Pose2D(2.0, 3.0, math.pi), 100.0)
+    assert (readings.pose.x, readings.pose.y, readings.pose.localized) == (pytest.approx(1.0), pytest.approx(3.0), True)
+    readings.lost(101.0)
+    assert readings.pose == NOWHERE
+
+
+def test_stamps_grow_whatever_clocks_do():
+    readings = Readings()
+    stamps = []
+    for said in (100.0, 99.0, 99.0, 100.5):
+        readings.moved(Pose2D(0.0, 0.0, 0.0), ZERO, said, said)
+        stamps.append(readings.state(100.0).stamp)
+        stamps.append(readings.state(100.0).stamp)  # said again, when there was nothing new
+    assert stamps == sorted(set(stamps))
+
+
+def test_a_scan_is_told_once():
+    readings = Readings()
+    readings.scanned(SCAN)
+    assert readings.state(1.0).scan == SCAN
+    assert readings.state(1.1).scan is None
+
+
+def test_a_charge_that_nobody_says_is_guessed_from_the_volts():
+    readings = Readings(BatteryRange(20.0, 30.0))
+    readings.charged(voltage=25.0)
+    assert readings.state(1.0).battery.charge == pytest.approx(0.5)
+    readings.charged(voltage=35.0, charging=True)
+    state = readings.state(1.1)
+    assert state.battery.charge == 1.0
+    assert state.charger_contact
+    readings.charged(voltage=25.0, charge=0.9)
+    assert readings.state(1.2).battery.charge == 0.9
+
+
+def test_a_contact_begins_when_a_bumper_is_pressed():
+    readings = Readings()
+    for touching in (False, True, True, False, True):
+        readings.bumped(touching=touching)
+    assert readings.state(1.0).contacts == 2
+
+
+def test_where_a_bumper_is_pressed_is_told_for_as_long_as_it_lasts_and_only_where_it_is_known():
+    readings = Readings()
+    assert readings.state(1.0).bumper is None
+    readings.bumped(touching=True, bearings=(0.1,))
+    assert [readings.state(1.1).bumper, readings.state(1.2).bumper] == [(0.1,), (0.1,)]
+    readings.bumped(touching=False, bearings=())
+    assert readings.state(1.3).bumper == ()
+
+
+def test_echoes_and_points_are_told_once():
+    readings = Readings()
+    readings.echoed(0, 0.5, 1.0)
+    readings.echoed(1, None, 1.0)
+    readings.saw(ObstaclePoints(1.0, np.zeros((0, 2))))
+    told = readings.state(1.1)
+    assert [(echo.sonar, echo.distance) for echo in told.sonar] == [(0, 0.5), (1, None)]
+    assert told.points is not None
+    again = readings.state(1.2)
+    assert (again.sonar, again.points) == ((), None)
+
+
+def test_what_comes_out_is_sound():
+    readings = driven(Readings())
+    readings.scanned(SCAN)
+    readings.charged(voltage=25.0, charge=0.5)
+    assert sound(readings.state(101.0)).distance > 0.0
+
+
+def test_a_battery_of_which_nobody_has_said_anything_is_unknown():
+    state = Readings().state(1.0)
+    assert (state.battery.charge, state.battery.voltage, state.battery.charging, state.charger_contact) == (None, None, None, False)
+
+
+def test_volts_say_nothing_of_the_charge_when_nobody_knows_the_battery_and_what_is_no_longer_known_is_unknown_again():
+    readings = Readings()
+    readings.charged(voltage=25.0, charge=0.9, charging=True)
+    readings.charged(voltage=25.0)
+    state = readings.state(1.0)
+    assert (state.battery.charge, state.battery.voltage, state.battery.charging, state.charger_contact) == (None, 25.0, None, False)
+
+
+def test_a_charge_that_is_no_number_is_unknown_and_the_reading_sound():
+    readings = Readings()
+    readings.charged(charge=math.nan, charging=False)
+    assert sound(readings.state(1.0)).battery.charge is None

@@ -1,0 +1,127 @@
+"""When a robot may be told to move: after an answer, as often as it is heard, and never for a peer that may not read it."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robots.agent.adapters.common.velocity_gate import GateParams, VelocityGate
+from robots.agent.safety.ramp import ZERO
+from robots.api.messages import Velocity
+
+AHEAD, ASIDE = Velocity(linear=0.2, angular=0.0), Velocity(linear=0.2, angular=0.3)
+PARAMS = GateParams()
+
+
+@pytest.fixture
+def gate():
+    return VelocityGate(PARAMS, 0.0)
+
+
+def sent(gate, velocity, asked, answered):
+    gate.want(velocity, asked)
+    assert gate.ask(asked)
+    return gate.answered(answered)
+
+
+def test_a_velocity_is_the_reply_to_an_answer(gate):
+    assert sent(gate, AHEAD, 0.1, 0.101) == AHEAD
+    assert gate.moving
+
+
+def test_only_one_question_is_open_and_its_answer_gets_the_newest_velocity(gate):
+    gate.want(AHEAD, 0.1)
+    assert gate.ask(0.1)
+    gate.want(ASIDE, 0.12)
+    assert not gate.ask(0.12)
+    assert gate.answered(0.13) == ASIDE
+    assert gate.answered(0.14) is None
+
+
+def test_without_an_answer_the_gate_shuts_and_a_late_one_moves_nothing(gate):
+    gate.want(AHEAD, 0.1)
+    gate.ask(0.1)
+    gate.heard(0.3)
+    assert gate.shut(0.34) == ""
+    assert gate.shut(0.36) == "does not answer"
+    gate.want(AHEAD, 4.1)
+    gate.heard(4.1)
+    assert gate.answered(4.1) is None
+    assert gate.unanswered(4.1) == 0.0
+    assert gate.shut(4.1) == ""
+
+
+def test_a_velocity_that_waited_is_not_sent(gate):
+    gate.want(AHEAD, 0.0)
+    assert not gate.ask(0.26)
+    gate.heard(0.5)
+    gate.want(AHEAD, 0.5)
+    gate.ask(0.7)
+    assert gate.answered(0.76) is None
+
+
+def test_what_was_stopped_meanwhile_stays_stopped(gate):
+    gate.want(AHEAD, 0.1)
+    gate.ask(0.1)
+    gate.stood(0.11)
+    assert gate.answered(0.12) is None
+    assert not gate.moving
+
+
+def test_each_reading_permits_three_velocities_that_differ(gate):
+    speeds = [Velocity(linear=0.01 * number, angular=0.0) for number in range(1, 6)]
+    found = []
+    for number, speed in enumerate(speeds):
+        gate.want(speed, 0.02 * number)
+        found.append(gate.ask(0.02 * number) and gate.answered(0.02 * number) == speed)
+    assert found == [True, True, True, False, False]
+    gate.heard(0.1)
+    assert gate.ask(0.1)
+
+
+def test_a_velocity_that_stays_is_said_again_upon_a_reading_or_at_the_latest_without(gate):
+    sent(gate, AHEAD, 0.0, 0.0)
+    gate.want(AHEAD, 0.1)
+    assert not gate.ask(0.1)
+    gate.heard(0.11)
+    assert gate.ask(0.11)
+    assert gate.answered(0.11) == AHEAD
+    gate.want(AHEAD, 0.37)
+    assert gate.ask(0.37)
+
+
+def test_a_robot_that_is_not_heard_is_not_moved_and_a_slow_one_is_given_its_time():
+    gate = VelocityGate(PARAMS, 0.0)
+    assert gate.shut(0.39) == ""
+    assert gate.shut(0.41) == "says nothing of itself"
+    now = 0.0
+    for _ in range(40):
+        now += 0.45
+        gate.heard(now)
+    assert gate.shut(now + 0.8) == ""
+    assert gate.shut(now + 0.95) == "says nothing of itself"
+
+
+@given(st.lists(st.tuples(st.sampled_from(["want", "stand", "heard", "ask", "answer"]), st.floats(0.0, 0.5)), max_size=60))
+def test_whatever_happens_nothing_moves_without_an_answer_of_just_now_and_a_fresh_reading(steps):
+    gate, now, heard, asked, since = VelocityGate(PARAMS, 0.0), 0.0, 0.0, None, 0
+    for number, (step, pause) in enumerate(steps):
+        now += pause
+        match step:
+            case "want":
+                gate.want(Velocity(linear=0.01 * (number + 1), angular=0.0), now)
+            case "stand":
+                gate.stood(now)
+            case "heard":
+                gate.heard(now)
+                heard, since = now, 0
+            case "ask" if gate.ask(now):
+                assert asked is None
+                asked = now
+            case "answer" if asked is not None:
+                velocity, asked_at, asked = gate.answered(now), asked, None
+                if velocity is not None:
+                    since += 1
+                    assert velocity != ZERO
+                    assert now - asked_at <= PARAMS.patience
+                    assert now - heard <= PARAMS.longest
+                    assert since <= PARAMS.orders

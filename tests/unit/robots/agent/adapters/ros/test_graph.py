@@ -1,0 +1,53 @@
+"""What is said of topics that nobody hears or says."""
+
+import pytest
+
+from robots.agent.adapters.ros.graph import TWIST, TWIST_STAMPED, Need, TopicPeers, chosen_stamped, nobody_listens, not_said
+
+SCAN = Need("/scan", "sensor_msgs/LaserScan", "scan")
+
+
+def heard_as(*kinds):
+    return {"/cmd_vel": TopicPeers(frozenset(kinds), listeners=1)}
+
+
+@pytest.mark.parametrize(
+    ("graph", "before", "now"),
+    [
+        (heard_as(TWIST), True, False),
+        (heard_as(TWIST_STAMPED), False, True),
+        (heard_as(TWIST, TWIST_STAMPED), True, True),
+        (heard_as("std_msgs/String"), False, False),
+        ({}, True, True),
+        (None, False, False),
+    ],
+)
+def test_velocities_are_stamped_as_the_others_have_it(graph, before, now):
+    assert chosen_stamped(graph, "/cmd_vel", stamped=before) is now
+
+
+def test_a_topic_of_another_type_is_named_with_the_option():
+    assert nobody_listens(heard_as(TWIST_STAMPED), "/cmd_vel", stamped=False) == (
+        "nobody listens on /cmd_vel for geometry_msgs/Twist: there it is geometry_msgs/TwistStamped; set stamped=true"
+    )
+    assert "set cmd_vel to another topic" in nobody_listens(heard_as("std_msgs/String"), "/cmd_vel", stamped=False)
+
+
+def test_a_topic_where_nobody_is_names_where_somebody_is():
+    graph = {"/base/cmd_vel": TopicPeers(frozenset({TWIST}), listeners=1), "/log": TopicPeers(frozenset({TWIST}), listeners=0)}
+    assert nobody_listens(graph, "/cmd_vel", stamped=False) == (
+        "nobody listens on /cmd_vel (geometry_msgs/Twist): set cmd_vel to the topic of the robot's base; here are /base/cmd_vel (geometry_msgs/Twist)"
+    )
+    assert nobody_listens(None, "/cmd_vel", stamped=False).endswith("set cmd_vel to the topic of the robot's base")
+
+
+def test_a_topic_that_nobody_publishes_is_named_with_the_option_and_one_that_somebody_does_is_not():
+    front = {"/front": TopicPeers(frozenset({SCAN.kind}), speakers=1)}
+    assert not_said(front, [SCAN]) == (
+        "nobody publishes /scan (sensor_msgs/LaserScan): set scan to the robot's topic, or to nothing; here are /front",
+    )
+    assert not_said({"/scan": TopicPeers(frozenset({SCAN.kind}), speakers=1)}, [SCAN]) == ()
+    assert not_said({"/scan": TopicPeers(frozenset({"a/B"}), speakers=1)}, [SCAN]) == (
+        "/scan is a/B, not sensor_msgs/LaserScan: set scan to another topic",
+    )
+    assert not_said(None, [SCAN]) == ()

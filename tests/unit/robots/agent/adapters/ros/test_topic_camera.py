@@ -1,0 +1,65 @@
+"""A camera whose pictures are published."""
+
+import io
+
+import av
+import numpy as np
+import pytest
+
+from robots.agent.adapters.ros import messages, topic_camera
+from robots.agent.adapters.ros.topic_camera import TopicCamera
+from robots.agent.robot_interface import AdapterError
+from tests.support.picture_server import jpeg_of
+
+
+def png_of(grey: int) -> bytes:
+    kept = io.BytesIO()
+    with av.open(kept, "w", format="image2pipe") as container:
+        stream = container.add_stream("png", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "rgb24"
+        for packet in (*stream.encode(av.VideoFrame.from_ndarray(np.full((48, 64, 3), grey, np.uint8), format="rgb24")), *stream.encode()):
+            container.mux(packet)
+    return kept.getvalue()
+
+
+def test_the_newest_picture_counts_whatever_its_kind():
+    camera = TopicCamera("/camera")
+    camera.start()
+    for stamp, picture in ((1.0, jpeg_of(0)), (2.0, jpeg_of(255)), (3.0, png_of(255))):
+        camera.take(picture, stamp)
+    frame = camera.read(0.0)
+    assert (frame.width, frame.height, frame.stamp) == (64, 48, 3.0)
+    assert frame.image[:48].mean() == pytest.approx(235.0, abs=1.0)
+    assert camera.read(0.0) is None
+    camera.take(jpeg_of(0), 4.0)
+    assert camera.read(0.0).image[:120].mean() == pytest.approx(16.0, abs=1.0)
+
+
+@pytest.mark.parametrize("rubbish", [b"", b"no picture", jpeg_of(0)[:40], png_of(0)[:30]], ids=["nothing", "words", "half a JPEG", "half a PNG"])
+def test_what_is_no_picture_is_said_in_a_sentence_and_the_next_one_is_shown(rubbish):
+    camera = TopicCamera("/camera")
+    camera.start()
+    camera.take(rubbish, 1.0)
+    with pytest.raises(AdapterError, match="what /camera publishes is no picture: "):
+        camera.read(0.0)
+    camera.take(jpeg_of(255), 2.0)
+    assert camera.read(0.0).stamp == 2.0
+
+
+@pytest.mark.parametrize("data", ["not base64!", [1, 2, 300], {"a": 1}, 3.5])
+def test_a_message_without_bytes_is_refused(data):
+    with pytest.raises(messages.RosError, match="no picture"):
+        messages.picture_in({"data": data})
+
+
+def test_a_topic_on_which_nothing_comes_is_said_and_what_begins_late_is_shown(monkeypatch):
+    monkeypatch.setattr(topic_camera, "OPENING", 0.05)
+    camera = TopicCamera("/camera")
+    for _ in range(2):
+        camera.start()
+        with pytest.raises(AdapterError, match=r"nobody publishes on /camera: nothing came in 0\.05 s"):
+            [camera.read(0.03) for _ in range(60)]
+        camera.take(jpeg_of(255), 1.0)
+        assert camera.read(0.0).stamp == 1.0
+        assert camera.read(0.1) is None
+        camera.stop()

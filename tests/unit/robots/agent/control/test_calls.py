@@ -1,0 +1,97 @@
+"""Who is let through to the people at the robot."""
+
+from robots.agent.control.calls import NOTHING, RINGS, Calls, Passing
+from robots.api.messages import Call, Lease
+
+
+def lease(session="s1", epoch=1):
+    return Lease(session=session, epoch=epoch, peer="p1", who="Ana", renewal=0, stamp=1.0)
+
+
+def call(**fields):
+    return Call(action_id="a1", stamp=1.0, **{"audio": True, "video": True, **fields})
+
+
+def status(calls, of=None, now=0.0):
+    state = calls.state(of or lease(), now)
+    return state and state.status
+
+
+def test_without_a_call_nothing_passes():
+    calls = Calls()
+    assert status(calls) is None
+    assert calls.passing(lease(), 0.0) == NOTHING
+    assert calls.answer(accept=True, lease=lease(), now=0.0) == "nobody_calls"
+
+
+def test_where_the_owner_says_so_a_visitor_is_through_at_once():
+    calls = Calls()
+    calls.ask(call(video=False, volume=0.5), lease(), 0.0)
+    assert status(calls) == "accepted"
+    assert calls.passing(lease(), 0.0) == Passing(audio=True, video=False, volume=0.5)
+
+
+def test_a_screen_is_shown_while_it_is_let_through_and_a_face_never():
+    calls = Calls()
+    calls.rule = "ask"
+    calls.ask(call(shares=True), lease(), 0.0)
+    assert not calls.shows_screen(lease(), 0.0)
+    calls.answer(accept=True, lease=lease(), now=1.0)
+    assert calls.shows_screen(lease(), 1.0)
+    assert not calls.shows_screen(lease(epoch=2), 1.0)
+    assert not calls.shows_screen(None, 1.0)
+    calls.ask(call(shares=True, video=False), lease(), 2.0)
+    assert not calls.shows_screen(lease(), 2.0)
+    calls.ask(call(), lease(), 3.0)
+    assert (calls.shows_screen(lease(), 3.0), calls.passing(lease(), 3.0).video) == (False, True)
+
+
+def test_where_somebody_must_answer_nothing_passes_until_they_do():
+    calls = Calls()
+    calls.rule = "ask"
+    calls.ask(call(), lease(), 0.0)
+    assert (status(calls), calls.passing(lease(), 0.0)) == ("ringing", NOTHING)
+    assert calls.answer(accept=True, lease=lease(), now=1.0) is None
+    assert calls.passing(lease(), 1.0) == Passing(audio=True, video=True)
+
+
+def test_a_call_that_nobody_answers_says_so_and_may_still_be_answered():
+    calls = Calls()
+    calls.rule = "ask"
+    calls.ask(call(), lease(), 0.0)
+    assert status(calls, now=RINGS + 1) == "unanswered"
+    calls.answer(accept=True, lease=lease(), now=RINGS + 2)
+    assert status(calls, now=RINGS + 2) == "accepted"
+
+
+def test_who_is_declined_is_cut_off_and_rings_again_only_after_hanging_up():
+    calls = Calls()
+    calls.ask(call(), lease(), 0.0)
+    calls.answer(accept=False, lease=lease(), now=1.0)
+    assert (status(calls), calls.passing(lease(), 1.0)) == ("declined", NOTHING)
+    calls.ask(call(video=False), lease(), 2.0)
+    assert status(calls) == "declined"
+    calls.rule = "ask"
+    calls.ask(call(ringing=False), lease(), 3.0)
+    calls.ask(call(), lease(), 4.0)
+    assert status(calls, now=4.0) == "ringing"
+
+
+def test_an_answer_holds_for_the_session_and_each_page_begins_in_silence():
+    calls = Calls()
+    calls.rule = "ask"
+    calls.ask(call(), lease(), 0.0)
+    calls.answer(accept=True, lease=lease(), now=1.0)
+    again = lease(epoch=2)
+    assert calls.passing(again, 2.0) == NOTHING
+    calls.ask(call(), again, 3.0)
+    assert status(calls, again, 3.0) == "accepted"
+    other = lease(session="s2", epoch=3)
+    calls.ask(call(), other, 4.0)
+    assert status(calls, other, 4.0) == "ringing"
+
+
+def test_nobody_passes_when_the_lease_is_gone():
+    calls = Calls()
+    calls.ask(call(), lease(), 0.0)
+    assert calls.passing(None, 0.0) == NOTHING

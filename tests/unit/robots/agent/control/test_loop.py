@@ -1,0 +1,611 @@
+"""The control loop as a whole, on virtual time, with a scripted robot and a broker in memory."""
+
+import hashlib
+import random
+import statistics
+from dataclasses import replace
+from itertools import pairwise
+
+import av
+import numpy as np
+import pytest
+
+from robots.agent.media.webrtc.packet_gate import decoded
+from robots.agent.safety.ramp import ZERO
+from robots.api import messages as m
+from robots.api import picture
+from robots.api.geometry import Pose2D
+from tests.support.control_rig import ControlRig, own, staff, stamped
+from tests.support.scripted_robot import ScriptedRobot, still
+
+
+@pytest.fixture
+def rig(tmp_path):
+    with ControlRig(tmp_path) as rig:
+        yield rig
+
+
+# --- driving -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("way", ["datachannel", "mqtt"])
+def test_a_command_reaches_the_base_on_arrival_on_either_way(rig, way):
+    rig.grant()
+    rig.drive(0.5, way=way)
+    applied = rig.link.wait("state", lambda s: any(c.linear > 0.0 for c in s.applied)).applied
+    assert {c.way for c in applied if c.linear > 0.0} == {way}
+    assert all(-0.1 < c.age < 0.25 for c in applied)
+
+
+def test_every_applied_command_is_in_exactly_one_state(rig):
+    rig.grant()
+    rig.drive(0.5)
+    for _ in range(40):
+        rig.push(0.5)
+        rig.sleep(0.02)
+    last = rig.seq
+
+    def told_of():
+        states = rig.link.all("state")
+        return [c.seq for s in states for c in s.applied], sum(sum(s.refused.values()) for s in states)
+
+    # The last one too may be refused: a machine that was busy for a quarter of a second has made it stale.
+    rig.wait(lambda: len(told_of()[0]) + told_of()[1] >= last)
+    seqs, refused = told_of()
+    assert len(seqs) == len(set(seqs))
+    assert len(seqs) + refused == last
+    assert len(seqs) > last / 2
+
+
+def test_an_observers_commands_are_refused_and_counted_and_its_stop_is_obeyed(rig):
+    rig.grant()
+    rig.drive(0.5)
+    for _ in range(3):
+        rig.push(0.7, peer="p2", role="observer")
+    rig.link.wait("state", lambda s: s.refused.get("observer", 0) > 0)
+    assert rig.robot.told.linear <= 0.5
+    rig.act(stamped(m.Stop, "stop-1", seq=5), way="datachannel", peer="p2")
+    state = rig.link.wait("state", lambda s: s.safety.stop_id == "stop-1")
+    assert state.safety.inhibited == "stopped"
+    rig.wait(lambda: rig.robot.told == ZERO)
+
+
+def test_only_a_pages_own_messages_are_taken_from_a_data_channel(rig):
+    rig.grant()
+    rig.frame("lease", m.Lease(session="s9", epoch=99, peer="p2", who="Eve", renewal=9, stamp=rig.unix()), peer="p2")
+    rig.frame("config", m.Config(stamp=0.0, doors={"north": "open"}), peer="p2")
+    rig.frame("signal/p2", m.Bye(reason="x"), peer="p2")
+    rig.control.receive("p2", "driver", decoded(b"\xff\x00nonsense"))
+    rig.control.receive("p2", "driver", decoded("state\n{}"))
+    state = rig.link.wait("state", lambda s: s.refused.get("not_from_server", 0) == 3)
+    assert state.epoch == 1
+    assert rig.media.signals == []
+    assert rig.robot.configs == []
+
+
+def test_a_role_that_a_page_gives_itself_is_worth_nothing(rig):
+    rig.robot.finishes = False
+    rig.grant()
+    rig.act(own(m.Dock, role="server"), way="datachannel")
+    rig.status("a1", "RUNNING")
+    assert not rig.kernel.navigation.ordered_by_server
+    rig.act(stamped(m.ClearEStop, "c1", role="owner", user="Eve"), way="datachannel")
+    assert rig.status("c1", "FAILED").reason == "not_from_server"
+
+
+def test_300_bad_messages_of_every_kind_are_refused_and_the_loop_goes_on(rig):
+    rig.grant()
+    noise = random.Random(3)
+    kinds = [
+        lambda: rig.control.receive("p1", "driver", decoded(noise.randbytes(noise.randrange(200)))),
+        lambda: rig.control.receive("p1", "driver", decoded("command/velocity\n" + '{"linear": NaN}')),
+        lambda: rig.control.receive("p1", "driver", decoded("command/velocity\n" + " " * 5000)),
+        lambda: rig.link.say_bytes("command/velocity", noise.randbytes(100)),
+        lambda: rig.link.say_bytes("command/action", b'{"type":"goto","actionId":"x","stamp":1e400}'),
+        lambda: rig.push(0.5, stamp=rig.unix() - 5),
+        lambda: rig.push(0.5, stamp=rig.unix() + 5),
+        lambda: rig.push(0.5, epoch=7),
+        lambda: rig.push(0.5, session="other"),
+        lambda: rig.push(0.5, seq=0),
+    ]
+    for number in range(300):
+        kinds[number % len(kinds)]()
+        rig.sleep(0.001)  # of velocities that come while the loop is busy the newest counts
+    rig.wait(lambda: sum(sum(s.refused.values()) for s in rig.link.all("state")) >= 300)
+    reasons = {reason for s in rig.link.all("state") for reason in s.refused}
+    assert {"malformed", "oversized", "stale", "future", "wrong_epoch", "wrong_session"} <= reasons
+    assert all(v == ZERO for _, v in rig.robot.velocities())
+    rig.act(stamped(m.Stop, "stop-9"), way="datachannel", peer="p7")
+    rig.link.wait("state", lambda s: s.safety.stop_id == "stop-9")
+
+
+# --- lease -------------------------------------------------------------------------------------------------------------
+
+
+def test_a_session_ends_with_the_seq_of_its_last_state(rig):
+    rig.grant()
+    rig.drive(0.5)
+    rig.link.say("lease", None)
+    closed = rig.link.wait("event", lambda e: e.type == "session_closed")
+    states = [s for s in rig.link.all("state") if s.session == "s1"]
+    assert closed.session == "s1"
+    assert closed.last_seq == states[-1].seq
+    seen = rig.link.count
+    assert rig.link.wait("state", since=seen).session is None
+    assert rig.media.drivers == ["p1", None]
+    rig.wait(lambda: rig.robot.told == ZERO)
+
+
+def test_a_lease_that_is_not_renewed_expires_and_says_so(rig):
+    rig.grant(ttl=3.0)
+    rig.drive(0.5)
+    rig.link.wait("event", lambda e: e.type == "lease_expired")
+    rig.link.wait("event", lambda e: e.type == "session_closed")
+    rig.push(0.5)
+    rig.link.wait("state", lambda s: s.refused.get("no_lease"))
+    rig.wait(lambda: rig.robot.told == ZERO)
+
+
+def test_another_driver_takes_over_with_a_new_epoch_and_the_old_one_is_unbound_at_once(rig):
+    rig.grant()
+    rig.drive(0.5)
+    rig.lease(session="s2", epoch=2, peer="p2")
+    rig.link.wait("event", lambda e: e.type == "session_closed" and e.session == "s1")
+    rig.link.wait("event", lambda e: e.type == "lease_taken" and e.session == "s2")
+    rig.push(0.5)
+    rig.link.wait("state", lambda s: s.refused.get("observer"))
+    assert rig.media.drivers[-1] == "p2"
+
+
+def test_the_same_session_goes_on_with_a_new_epoch_without_being_closed(rig):
+    rig.grant()
+    rig.lease(epoch=2, peer="p3")
+    rig.link.wait("event", lambda e: e.type == "lease_taken" and e.epoch == 2)
+    assert not [e for e in rig.link.all("event") if e.type == "session_closed"]
+
+
+def test_a_stored_lease_names_the_session_and_permits_nothing(rig):
+    rig.lease(retained=True)
+    rig.link.wait("state", lambda s: s.session == "s1" and s.safety.inhibited == "no_lease")
+    rig.know_clock()
+    rig.push(0.5)
+    rig.link.wait("state", lambda s: s.refused.get("no_lease"))
+    assert {velocity for _, velocity in rig.robot.velocities()} <= {ZERO}
+
+
+# --- stop and e-stop ---------------------------------------------------------------------------------------------------
+
+
+def test_a_stop_is_echoed_at_once_and_answered(rig):
+    rig.grant()
+    rig.drive(0.5)
+    begun = rig.unix()
+    rig.act(own(m.Stop, "stop-1", seq=rig.seq + 1), way="datachannel")
+    state = rig.link.wait("state", lambda s: s.safety.stop_id == "stop-1")
+    assert rig.unix() - begun < 0.03, "a state of its own, and not the next of four a second"
+    assert state.safety.stop_seq == rig.seq + 1
+    rig.status("stop-1", "FINISHED")
+    rig.link.wait("event", lambda e: e.type == "stopped" and e.action_id == "stop-1")
+    rig.wait(lambda: rig.robot.told == ZERO)
+
+
+def test_an_estop_survives_a_restart_of_the_agent_and_is_cleared_by_staff(tmp_path):
+    with ControlRig(tmp_path) as rig:
+        rig.grant()
+        rig.drive(0.5)
+        rig.act(stamped(m.EStop, "e1", role="staff", user="Eve", detail="a child"))
+        rig.status("e1", "FINISHED")
+        rig.wait(lambda: rig.robot.told == ZERO)
+    with ControlRig(tmp_path, boot="boot-2") as rig:
+        state = rig.link.wait("state")
+        assert state.safety.estop
+        assert state.safety.estop_source == "staff:Eve"
+        assert state.mode == "stopped"
+        rig.grant(epoch=2)
+        rig.drive(0.5, until=lambda: any(s.refused.get("estop") for s in rig.link.all("state")), epoch=2)
+        assert all(velocity == ZERO for _, velocity in rig.robot.velocities())
+        rig.act(staff(m.ClearEStop, "c1"))
+        rig.status("c1", "FINISHED")
+        cleared = rig.link.wait("event", lambda e: e.type == "estop_cleared")
+        assert cleared.detail == "staff:ops"
+    with ControlRig(tmp_path, boot="boot-3") as rig:
+        assert not rig.link.wait("state").safety.estop
+
+
+def test_the_robots_own_button_latches_and_is_reported(rig):
+    rig.grant()
+    rig.drive(0.5)
+    rig.robot.reading = still(estop=True)
+    event = rig.link.wait("event", lambda e: e.type == "estop")
+    assert event.detail == "button button"
+    rig.robot.reading = still()
+    rig.wait(lambda: rig.robot.told == ZERO)
+    rig.wait(lambda: not rig.kernel.button_pressed)
+    rig.act(staff(m.ClearEStop, "c1"))
+    assert rig.status("c1", "FAILED").reason == "owner_only"
+    rig.act(stamped(m.ClearEStop, "c2", role="owner", user="Ada"))
+    rig.status("c2", "FINISHED")
+
+
+@pytest.mark.parametrize("way", ["datachannel", "mqtt"])
+def test_an_estop_of_somebody_who_only_watches_stops_the_robot_and_ends_nobodys_drive_for_good(rig, way):
+    rig.grant()
+    rig.drive(0.5)
+    rig.act(stamped(m.EStop, "e1", role="observer"), way=way, peer="p2")
+    rig.status("e1", "FINISHED")
+    state = rig.link.wait("state", lambda s: s.safety.stop_id == "e1")
+    assert (state.safety.estop, state.safety.inhibited) == (False, "stopped")
+    assert rig.link.wait("event", lambda e: e.type == "stopped").detail == "observer"
+    rig.wait(lambda: rig.robot.told == ZERO)
+    rig.push(0.0)
+    rig.drive(0.5)
+    assert rig.store.latch() is None
+
+
+@pytest.mark.parametrize("way", ["datachannel", "mqtt"])
+def test_an_estop_of_the_robots_own_screen_latches_and_is_kept(rig, way):
+    rig.grant()
+    action = m.EStop(action_id="e1", stamp=rig.unix(), role="screen")
+    if way == "mqtt":
+        rig.link.say("command/action", action)
+    else:
+        rig.frame("command/action", action, peer="screen-1", role="screen")
+    rig.status("e1", "FINISHED")
+    assert rig.link.wait("event", lambda e: e.type == "estop").action_id == "e1"
+    assert rig.store.latch().source == "screen"
+
+
+def test_a_goto_that_was_said_before_a_stop_is_not_begun_after_it(rig):
+    rig.grant()
+    rig.frame("command/action", m.Goto(action_id="g1", stamp=rig.unix(), session="s1", epoch=1, x=1.0, y=1.0))
+    rig.frame("command/action", m.Stop(action_id="st", stamp=rig.unix(), session="s1", epoch=1, seq=rig.seq + 1))
+    rig.status("st", "FINISHED")
+    rig.sleep(1.0)
+    assert rig.kernel.navigation is None
+    assert rig.robot.started == []
+
+
+def test_of_a_hundred_estops_the_disk_hears_few_times_and_all_are_answered(rig):
+    written = []
+    keep = rig.store.keep_latch
+    rig.store.keep_latch = lambda latch: (written.append(latch), keep(latch))
+    for number in range(100):
+        rig.act(staff(m.EStop, f"e{number}"))
+    rig.wait(lambda: len({action.action_id for action in rig.link.all("action") if action.status == "FINISHED"}) == 100)
+    assert len(written) <= 3
+    assert rig.store.latch() == rig.kernel.latch
+
+
+def test_a_disk_that_is_full_does_not_keep_an_estop_from_latching(rig):
+    def full(_latch):
+        raise OSError(28, "No space left on device")
+
+    rig.store.keep_latch = full
+    rig.act(staff(m.EStop, "e1"))
+    rig.status("e1", "FINISHED")
+    assert rig.kernel.latch
+    rig.link.wait("state", lambda s: any("No space left" in error for error in s.errors))
+
+
+# --- actions -----------------------------------------------------------------------------------------------------------
+
+
+def test_an_action_is_done_once_however_often_it_is_asked_for(rig):
+    rig.grant()
+    tilt = own(m.Tilt, angle=0.2)
+    for _ in range(3):
+        rig.act(tilt, way="datachannel")
+    rig.status("a1", "FINISHED")
+    rig.act(tilt, way="datachannel")
+    rig.wait(lambda: [a.status for a in rig.link.all("action") if a.action_id == "a1"].count("FINISHED") >= 2)
+    assert len(rig.robot.started) == 1
+
+
+def test_an_action_that_the_robot_refuses_has_failed_with_its_reason(rig):
+    rig.grant()
+    rig.robot.refuses = "the arm is in the way"
+    rig.act(own(m.Goto, x=1.0, y=1.0))
+    assert rig.status("a1", "FAILED").reason == "the arm is in the way"
+    assert rig.kernel.navigation is None
+
+
+def test_manual_input_cancels_navigation_at_the_adapter(rig):
+    rig.robot.finishes = False
+    rig.grant()
+    rig.act(own(m.Goto, x=1.0, y=1.0))
+    rig.status("a1", "RUNNING")
+    rig.drive(0.4)
+    rig.wait(lambda: rig.robot.cancelled == ["a1"])
+    assert rig.status("a1", "CANCELLED").reason == "manual"
+
+
+def test_navigation_ends_when_the_driver_is_no_longer_heard(rig):
+    rig.robot.finishes = False
+    rig.grant()
+    rig.act(own(m.Goto, x=1.0, y=1.0))
+    running, ended = rig.status("a1", "RUNNING"), rig.status("a1", "CANCELLED")
+    assert ended.reason == "heartbeat_lost"
+    assert 1.7 < ended.stamp - running.stamp < 6.0
+
+
+def test_a_stop_cancels_an_action_that_the_robot_has_not_even_answered(rig):
+    rig.robot.hanging = True
+    rig.grant()
+    rig.act(own(m.Goto, x=1.0, y=1.0))
+    rig.wait(lambda: rig.kernel.navigation is not None and rig.kernel.navigation.may_begin)
+    rig.sleep(0.1)
+    rig.act(stamped(m.Stop, "stop-1"), way="datachannel", peer="p2")
+    rig.wait(lambda: rig.robot.cancelled == ["a1"])
+    assert rig.status("a1", "CANCELLED").reason == "stopped"
+    rig.wait(rig.robot.velocities)
+    assert rig.robot.told == ZERO
+
+
+def test_reaching_a_goal_is_an_event_and_frees_the_robot(rig):
+    rig.grant()
+    rig.act(own(m.Goto, x=1.0, y=1.0))
+    assert rig.link.wait("event", lambda e: e.type == "goal_reached").action_id == "a1"
+    rig.wait(lambda: rig.kernel.navigation is None)
+
+
+def test_cancelling_ends_what_runs_or_says_that_nothing_does(rig):
+    rig.robot.finishes = False
+    rig.act(staff(m.Cancel, "c0"))
+    assert rig.status("c0", "FAILED").reason == "nothing_runs"
+    rig.grant()
+    rig.act(own(m.Tilt, "t1", angle=0.1))
+    rig.status("t1", "RUNNING")
+    rig.act(own(m.Cancel, "c1", target="t1"))
+    rig.status("c1", "FINISHED")
+    rig.status("t1", "CANCELLED")
+    rig.act(own(m.Goto, "g1", x=0.0, y=0.0))
+    rig.status("g1", "RUNNING")
+    rig.act(own(m.Cancel, "c2"))
+    rig.status("g1", "CANCELLED")
+
+
+def test_a_photo_is_a_jpeg_whose_hash_stands_in_the_event(rig):
+    rig.act(staff(m.Photo, "photo-1"))
+    done = rig.status("photo-1", "FINISHED")
+    jpeg = rig.link.wait("photo/photo-1")
+    event = rig.link.wait("event", lambda e: e.type == "photo")
+    assert event.sha256 == hashlib.sha256(jpeg).hexdigest() == done.result["sha256"]
+    assert done.result["stamp"] == 123.0
+    picture = next(av.CodecContext.create("mjpeg", "r").decode(av.Packet(jpeg)).__iter__())
+    assert (picture.width, picture.height) == (64, 48)
+
+
+def test_a_photo_without_a_picture_has_failed(rig):
+    rig.media.picture = None
+    rig.act(staff(m.Photo))
+    assert rig.status("a1", "FAILED").reason == "no_picture"
+
+
+def test_states_are_said_again_from_the_agents_buffer(rig):
+    rig.grant()
+    rig.wait(lambda: len(rig.link.all("state")) >= 6)
+    first_time = {s.seq: s for s in rig.link.all("state")}
+    seen = rig.link.count
+    rig.act(stamped(m.ResendStates, "r1", role="server", boot="boot-1", first=2, last=4))
+    done = rig.status("r1", "FINISHED")
+    again = [message for name, message in rig.link.sent[seen:] if name == "state" and message.seq in {2, 3, 4}]
+    assert [s.seq for s in again] == [2, 3, 4]
+    assert all(s == first_time[s.seq] for s in again)
+    assert done.result == {"sent": 3.0, "missing": 0.0}
+    rig.act(stamped(m.ResendStates, "r2", role="server", boot="another", first=2, last=4))
+    assert rig.status("r2", "FAILED").reason == "unknown_boot"
+
+
+# --- what the robot says -----------------------------------------------------------------------------------------------
+
+
+def test_states_come_four_times_a_second_and_count_without_a_gap(rig):
+    begun = len(rig.link.all("state"))
+    rig.wait(lambda: len(rig.link.all("state")) >= begun + 13)
+    stamps = [state.stamp for state in rig.link.all("state")[begun : begun + 13]]
+    assert statistics.median(after - before for before, after in pairwise(stamps)) == pytest.approx(0.25, abs=0.05)
+    seqs = [s.seq for s in rig.link.all("state")]
+    assert seqs == list(range(1, len(seqs) + 1))
+
+
+def test_heartbeats_go_out_on_both_ways_with_the_echo_of_each_way(rig):
+    rig.beat("p1", way="datachannel")
+    rig.beat("p1", way="mqtt")
+    beat = rig.link.wait("heartbeat", lambda h: len(h.echoes) == 2)
+    assert {echo.n for echo in beat.echoes} == {1, 2}
+    rig.wait(lambda: any(name == "heartbeat" and len(message.echoes) == 2 for name, message in rig.media.told))
+
+
+def test_a_page_gets_what_it_shows_and_nothing_of_the_record(rig):
+    rig.robot.reading = still(
+        velocity=m.Velocity(linear=0.3, angular=0.0),
+        scan=m.Scan(stamp=1.0, angle_min=-1.0, angle_increment=0.1, range_max=5.0, ranges=(1.0, None, 9.0)),
+    )
+    rig.wait(lambda: {"state", "pose", "scan", "heartbeat"} <= {name for name, _ in rig.media.told})
+    assert rig.link.wait("scan").ranges == (1.0, None, None), "what is beyond the laser's range is no range"
+    assert not {name for name, _ in rig.media.told} & {"connection", "factsheet", "photo"}
+
+
+def test_poses_come_at_most_fifteen_times_a_second_and_only_while_something_moves(rig):
+    rig.wait(lambda: len(rig.link.all("state")) >= 3)
+    assert rig.link.all("pose") == []
+    rig.robot.reading = still(velocity=m.Velocity(linear=0.3, angular=0.0))
+    rig.link.wait("pose")
+    rig.wait(lambda: len(rig.link.all("pose")) >= 17)
+    stamps = [pose.stamp for pose in rig.link.all("pose")]
+    gaps = [after - before for before, after in pairwise(stamps)]
+    assert statistics.median(gaps) < 0.125
+    assert len(gaps) / (stamps[-1] - stamps[0]) <= 16.0
+
+
+def test_docking_collisions_and_a_lost_localization_are_events(rig):
+    rig.wait(lambda: rig.link.all("state"))
+    rig.robot.reading = still(
+        charger_contact=True, battery=m.Battery(charge=0.5, charging=True), contacts=1, pose=m.Pose(x=0.0, y=0.0, theta=0.0, localized=False)
+    )
+    for kind in ("docked", "charging", "collision", "localization_lost"):
+        rig.link.wait("event", lambda e, kind=kind: e.type == kind)
+    rig.robot.reading = still(contacts=1)
+    for kind in ("undocked", "localization_found"):
+        rig.link.wait("event", lambda e, kind=kind: e.type == kind)
+    rig.link.wait("state", lambda s: s.contacts)
+    assert sum(s.contacts for s in rig.link.all("state")) == 1
+
+
+def test_while_the_broker_is_away_the_drive_goes_on_and_no_state_is_missing_afterwards(rig):
+    rig.grant()
+    rig.drive(0.5)
+    rig.link.cut()
+    rig.wait(lambda: not rig.link.connected)
+    away = rig.now()
+    rig.drive(0.5, until=lambda: rig.now() > away + 1.5)
+    rig.drive(0.5)  # a busy machine may just have held up a command for so long that the robot slowed down
+    rig.link.cut(mend=True)
+    rig.wait(lambda: rig.link.connected)
+    rig.wait(lambda: rig.now() > away + 2.0)
+    seqs = [s.seq for s in rig.link.all("state")]
+    assert seqs == list(range(1, len(seqs) + 1))
+
+
+def test_config_reaches_the_adapter_and_sets_the_assistance(rig):
+    rig.link.say("config", m.Config(stamp=1.0, assist="steer", doors={"north": "open"}), retained=True)
+    rig.link.wait("state", lambda s: s.assist == "slow" and s.mode == "assisted")
+    assert rig.robot.configs[-1].doors == {"north": "open"}
+    rig.link.say("config", m.Config(stamp=2.0, doors={"north": "closed"}), retained=True)
+    assert rig.link.wait("event", lambda e: e.type == "door_changed").detail == "north closed"
+
+
+class NavigatedRobot(ScriptedRobot):
+    """A robot with a laser whose architecture assists by itself, and for which our own navigation looks for the way."""
+
+    def __post_init__(self):
+        super().__post_init__()
+        self.profile = replace(self.profile, capabilities=(*self.profile.capabilities, "assist"), laser=m.Laser(x=0.0))
+        self.points = []
+
+    async def states(self):
+        async for reading in super().states():
+            ranges = (1.0,) * 19
+            scan = m.Scan(stamp=reading.stamp, angle_min=-0.9, angle_increment=0.1, range_max=5.0, ranges=ranges)
+            yield replace(reading, odometry=Pose2D(0.0, 0.0, 0.0), scan=scan, assist_why="obstacle")
+
+    def wanted(self):
+        return None
+
+    def located(self, reading, points):
+        self.points.append(points)
+        return reading
+
+    def take_floorplan(self, update):
+        raise AssertionError("no test sends one")
+
+    @property
+    def dock(self):
+        return None
+
+
+def test_our_navigation_gets_what_is_in_the_way_where_the_architecture_assists_by_itself(tmp_path):
+    robot = NavigatedRobot()
+    with ControlRig(tmp_path, robot=robot) as rig:
+        rig.wait(lambda: robot.points and len(robot.points[-1]))
+        assert np.hypot(*robot.points[-1].T).min() == pytest.approx(1.0, abs=0.05)
+        assert rig.kernel.monitor is None, "it is helped once, and not twice"
+        assert rig.link.wait("state", lambda s: s.clearance).assist_why == "obstacle", "its own word is kept"
+
+
+def test_signals_reach_the_media_side_with_their_peer(rig):
+    rig.link.say("signal/p5", m.Offer(sdp="v=0", role="driver"))
+    rig.wait(lambda: rig.media.signals == [("p5", m.Offer(sdp="v=0", role="driver"))])
+    rig.control.reply("p5", m.Answer(sdp="v=1"))
+    assert rig.link.wait("signal/p5/reply") == m.Answer(sdp="v=1")
+
+
+# --- the adapter -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("how", ["lost", "silent", "deaf"])
+def test_a_robot_that_is_gone_refuses_motion_and_comes_back_by_itself(rig, how):
+    rig.grant()
+    rig.drive(0.5)
+    setattr(rig.robot, how, "cable" if how == "lost" else True)
+    rig.push(0.5)
+    rig.link.wait("event", lambda e: e.type == "adapter_lost")
+    state = rig.link.wait("state", lambda s: s.safety.inhibited == "fault")
+    assert any(error.startswith("adapter_lost") for error in state.errors)
+    setattr(rig.robot, how, "" if how == "lost" else False)
+    rig.link.wait("event", lambda e: e.type == "adapter_back")
+    rig.lease(renewal=1)
+    rig.know_clock()
+    rig.drive(0.0, until=lambda: not rig.kernel.held)
+    rig.drive(0.5)
+
+
+def test_a_robot_that_reports_nonsense_is_as_good_as_lost(rig):
+    rig.robot.reading = still(pose=m.Pose(x=float("nan"), y=0.0, theta=0.0))
+    event = rig.link.wait("event", lambda e: e.type == "adapter_lost")
+    assert "nonsense" in event.detail
+    assert all(s.pose.x == s.pose.x for s in rig.link.all("state"))
+
+
+def test_an_agent_starts_without_its_robot_and_says_so(tmp_path):
+    rig = ControlRig(tmp_path, robot=ScriptedRobot(lost="the cable is out"))
+    rig.start()
+    try:
+        state = rig.link.wait("state")
+        assert state.safety.inhibited == "fault"
+        assert not state.pose.localized
+        rig.wait(lambda: rig.robot.connections >= 2)
+        rig.act(stamped(m.Stop, "stop-1"))
+        rig.link.wait("state", lambda s: s.safety.stop_id == "stop-1")
+        rig.robot.lost = ""
+        rig.link.wait("state", lambda s: s.pose.x == 1.0 and s.safety.inhibited != "fault", within=10.0)
+    finally:
+        rig.close()
+
+
+def test_a_second_newer_agent_of_the_same_robot_takes_over(rig):
+    rig.grant()
+    rig.drive(0.5)
+    rig.post(rig.link._inbox.rival, "newer")
+    rig.link.wait("state", lambda s: s.safety.inhibited == "fault" and any("another agent" in e for e in s.errors))
+    rig.wait(lambda: rig.robot.told == ZERO)
+    rig.post(rig.link._inbox.rival, None)
+    rig.drive(0.0, until=lambda: rig.kernel.fault is None and not rig.kernel.held)
+    rig.drive(0.5)
+
+
+# --- the end -----------------------------------------------------------------------------------------------------------
+
+
+def test_closing_brakes_first_and_lets_go_of_the_robot(tmp_path):
+    with ControlRig(tmp_path) as rig:
+        rig.grant()
+        rig.drive(0.5)
+        rig.close()
+        assert rig.robot.told == ZERO
+        assert rig.robot.closed
+        full = max(at for at, v in rig.robot.velocities() if v.linear == 0.5)
+        braked = [(at, v.linear) for at, v in rig.robot.velocities(full)]
+        paused = max(after - before for (before, _), (after, _) in pairwise(braked))
+        assert any(0.0 < v < 0.5 for _, v in braked) or paused > 0.1, "it brakes, it does not cut off"
+
+
+# --- pictures through the server ---------------------------------------------------------------------------------------
+
+
+def test_a_request_for_a_picture_reaches_the_media_side_and_its_picture_the_broker(rig):
+    request = m.PictureRequest(stamp=1.0, peer="p1")
+    rig.link.say("command/picture", request)
+    rig.wait(lambda: rig.media.wanted == [request])
+    payload = picture.pack(3.0, b"\xff\xd8\xff\xff\xd9")
+    rig.control.publish_picture(payload)
+    assert rig.link.wait("picture") == payload
+
+
+def test_a_stored_request_and_one_on_a_data_channel_bring_no_picture(rig):
+    rig.link.say("command/picture", m.PictureRequest(stamp=1.0, peer="p1"), retained=True)
+    rig.frame("command/picture", m.PictureRequest(stamp=1.0, peer="p2"))
+    rig.wait(lambda: rig.kernel.refused["not_from_server"] == 1)
+    rig.link.say("command/picture", m.PictureRequest(stamp=2.0, peer="p3"))
+    rig.wait(lambda: rig.media.wanted)
+    assert [request.peer for request in rig.media.wanted] == ["p3"]

@@ -1,0 +1,95 @@
+"""Who may point on what the driver shares, and how often: the rules, without a robot."""
+
+import pytest
+
+from robots.agent.control.remote_pointer import BURST, FORGOTTEN, PEERS, RATE, Pointing
+from robots.agent.safety.permissions import Sender
+from robots.api.messages import Lease, PointCommand
+
+LEASE = Lease(session="s1", epoch=7, peer="p1", who="Ana", renewal=0, stamp=1.0)
+SERVER = Sender("mqtt")
+CHANNEL = Sender("datachannel", "p1", role="driver")
+
+
+def dot(stamp=1.0, **fields):
+    return PointCommand(**{"stamp": stamp, "at": (0.5, 0.5), "session": "s1", "epoch": 7, "peer": "p1", **fields})
+
+
+def at_screen(stamp=1.0, **fields):
+    return PointCommand(**{"stamp": stamp, "at": (0.5, 0.5), "role": "screen", "peer": "screen-1", **fields})
+
+
+def take(pointing, command, sender=SERVER, *, peer=None, lease=LEASE, shown=True, now=0.0):
+    return pointing.take(peer or sender.peer or command.peer, command, sender, lease, shown=shown, now=now)
+
+
+@pytest.mark.parametrize("sender", [SERVER, CHANNEL], ids=["mqtt", "data channel"])
+def test_the_driver_points_while_the_people_there_see_what_is_shared(sender):
+    pointing = Pointing()
+    assert take(pointing, dot(), sender) == "driver"
+    assert take(pointing, dot(2.0), sender, shown=False, now=1.0) is None
+    assert pointing.refused == {"not_shown": 1}
+
+
+@pytest.mark.parametrize(
+    ("command", "sender"),
+    [(at_screen(), SERVER), (dot(role="driver"), Sender("datachannel", "screen-1", role="screen"))],
+    ids=["mqtt", "data channel"],
+)
+def test_a_display_points_as_the_display_and_needs_no_lease_of_its_own(command, sender):
+    pointing = Pointing()
+    assert take(pointing, command, sender) == "screen"
+    assert take(pointing, command, sender, shown=False, now=1.0) is None
+    assert take(pointing, command, sender, lease=None, now=1.0) is None
+    assert pointing.refused == {"not_shown": 1, "no_lease": 1}
+
+
+@pytest.mark.parametrize(
+    ("command", "sender", "reason"),
+    [
+        (dot(session="s0"), SERVER, "wrong_session"),
+        (dot(epoch=6), CHANNEL, "wrong_epoch"),
+        (dot(session=None), SERVER, "wrong_session"),
+        (dot(), Sender("datachannel", "p2", role="observer"), "observer"),
+        (at_screen(), Sender("datachannel", "p2", role="observer"), "observer"),
+        (at_screen(), Sender("datachannel", "p2", role="driver"), "observer"),
+    ],
+)
+def test_nobody_else_does_whatever_they_say_of_themselves(command, sender, reason):
+    pointing = Pointing()
+    assert take(pointing, command, sender) is None
+    assert pointing.refused == {reason: 1}
+
+
+def test_a_way_that_a_study_keeps_its_driver_from_is_no_way_for_dots_either():
+    pointing = Pointing()
+    only_mqtt = Lease(session="s1", epoch=7, peer="p1", who="Ana", renewal=0, stamp=1.0, ways=("mqtt",))
+    assert take(pointing, dot(), CHANNEL, lease=only_mqtt) is None
+    assert take(pointing, dot(), SERVER, lease=only_mqtt) == "driver"
+    assert pointing.refused == {"not_allowed": 1}
+
+
+def test_what_is_overtaken_is_dropped_until_a_clock_may_have_been_set():
+    pointing = Pointing()
+    assert take(pointing, dot(100.0)) == "driver"
+    assert take(pointing, dot(99.9), now=0.1) is None
+    assert take(pointing, dot(100.0), now=0.1) is None, "once is enough"
+    assert take(pointing, at_screen(5.0), now=0.1) == "screen", "another peer has a clock of its own"
+    assert take(pointing, dot(50.0), now=0.1 + FORGOTTEN) == "driver"
+    assert pointing.refused == {"old": 2}
+
+
+def test_twenty_a_second_pass_of_one_peer_however_many_come():
+    pointing = Pointing()
+    passed = sum(take(pointing, dot(1.0 + n / 200), now=n / 200) == "driver" for n in range(2000))
+    assert passed == pytest.approx(10 * RATE + BURST, abs=2)
+    assert take(pointing, at_screen(1.0), now=10.0) == "screen", "one peer's flood is nobody else's"
+    own_pace = Pointing()
+    assert all(take(own_pace, dot(1.0 + n / 15), now=n / 15) == "driver" for n in range(300))
+
+
+def test_of_strangers_without_number_few_are_remembered():
+    pointing = Pointing()
+    for n in range(10 * PEERS):
+        take(pointing, at_screen(peer=f"screen-{n}"), now=n / 1000)
+    assert len(pointing._hands) == PEERS

@@ -1,0 +1,149 @@
+"""A robot tried with its wheels off the ground: what its readings say, and when its base stops without its agent."""
+
+import asyncio
+import dataclasses
+
+import pytest
+
+from robots.agent.control.robot_check import CheckParams, RobotCheck, Sample, reported, stopped_after, verdict
+from robots.agent.robot_interface import UNKNOWN_BATTERY, AdapterError
+from robots.agent.safety.ramp import ZERO
+from robots.api.geometry import Pose2D
+from tests.support.scripted_robot import PROFILE, ScriptedRobot, still
+from tests.support.virtual_time import VirtualTime
+
+QUICK = CheckParams(listening=0.2, driving=0.4, longest=1.5, picture=1.0, stood=0.2)
+NEVER = 1e9
+
+
+class Base(ScriptedRobot):
+    """A robot whose odometry says what its base does: the last velocity until its watchdog strikes, after `watchdog` seconds."""
+
+    def __init__(self, time, watchdog, stuck=False):
+        super().__init__(profile=dataclasses.replace(PROFILE, capabilities=("velocity",)), times=time.times)
+        self.watchdog, self.stuck = watchdog, stuck
+        self.mute = ""  # why it reports nothing more, though it listens
+
+    async def states(self):
+        while True:
+            if self.mute:
+                raise AdapterError(self.mute)
+            at, velocity = self.applied[-1] if self.applied else (0.0, ZERO)
+            moves = not self.stuck and self.times.now() - at < self.watchdog
+            yield still(stamp=self.times.unix(), velocity=velocity if moves else ZERO, odometry=Pose2D(0.0, 0.0, 0.0), battery=UNKNOWN_BATTERY)
+            await asyncio.sleep(0.02)
+
+    def video(self):
+        return None
+
+
+@pytest.fixture
+def time():
+    with VirtualTime() as time:
+        yield time
+
+
+def tried(time, base):
+    lines = []
+    return time.run(RobotCheck(base, lines.append, params=QUICK).run()), lines
+
+
+def begun(time, base, lines):
+    """A trial under way, as a task of the loop."""
+    return time.loop.create_task(RobotCheck(base, lines.append, params=QUICK).run())
+
+
+def speeds(base):
+    return [velocity.linear for _, velocity in base.applied]
+
+
+# --- decisions -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("told", "seconds"),
+    [
+        ([(10.1, 0.05), (10.2, 0.05), (10.4, 0.0), (10.6, 0.0)], 0.4),
+        ([(10.1, 0.05), (10.2, 0.0), (10.3, 0.05), (10.5, 0.001)], 0.5),  # it did not stay
+        ([(10.1, 0.05), (10.2, -0.05)], None),
+        ([(10.1, -0.05), (10.2, 0.05)], None),
+        ([], None),
+    ],
+)
+def test_a_base_has_stopped_where_it_stays(told, seconds):
+    found = stopped_after([Sample(at, speed) for at, speed in told], 10.0, 0.01)
+    assert found == (None if seconds is None else pytest.approx(seconds))
+
+
+@pytest.mark.parametrize(("measured", "is_well"), [(0.3, True), (0.74, True), (0.76, False), (None, False)])
+def test_a_base_keeps_its_watchdog_up_to_what_can_be_measured(measured, is_well):
+    assert verdict(measured, 0.5, CheckParams())[0] is is_well
+
+
+def test_what_is_missing_is_named():
+    state = still(battery=UNKNOWN_BATTERY, estop=True, errors=("laser disconnected",))
+    lines = reported([state] * 30, ("velocity", "scan"), 3.0)
+    assert (True, "Battery: unknown.") in lines
+    assert (False, "Laser: no scan came.") in lines
+    assert (False, "The robot's emergency button is pressed.") in lines
+    assert (False, "The robot reports: laser disconnected") in lines
+    assert reported([], (), 3.0) == [(False, "Readings: none came.")]
+
+
+# --- trials ----------------------------------------------------------------------------------------------------------------
+
+
+def test_a_base_that_stops_by_itself_passes_and_nothing_is_said_while_it_is_measured(time):
+    base = Base(time, 0.3)
+    for _ in range(2):
+        base.applied.clear()
+        is_well, lines = tried(time, base)
+        assert is_well, lines
+        assert "it keeps the watchdog of 0.3 s" in lines[-1]
+        told = speeds(base)
+        assert set(told[: told.index(0.0)]) == {0.05}
+        last, first_zero = base.applied[told.index(0.0) - 1][0], base.applied[told.index(0.0)][0]
+        assert first_zero - last > 0.3, "no zero before the base has stopped by itself"
+        assert told[-1] == 0.0
+        assert base.closed
+
+
+def test_a_base_that_nothing_stops_fails_and_is_stopped(time):
+    base = Base(time, NEVER)
+    is_well, lines = tried(time, base)
+    assert not is_well
+    assert "did not stop within 1.5 s" in lines[-1]
+    assert speeds(base)[-1] == 0.0
+
+
+def test_a_base_that_stops_later_than_its_profile_says_fails_with_the_measure(time):
+    is_well, lines = tried(time, Base(time, 1.0))
+    assert not is_well
+    assert "The profile states a watchdog of 0.3 s" in lines[-1]
+
+
+def test_a_base_that_does_not_move_cannot_be_measured(time):
+    is_well, lines = tried(time, Base(time, 0.3, stuck=True))
+    assert not is_well
+    assert "did not move" in lines[-1]
+
+
+def test_a_trial_that_is_broken_off_ends_with_zeros(time):
+    base, lines = Base(time, NEVER), []
+    work = begun(time, base, lines)
+    time.wait(lambda: "Silence…" in lines)
+    work.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        time.run(work)
+    assert speeds(base)[-1] == 0.0
+    assert base.closed
+
+
+def test_a_robot_that_is_lost_meanwhile_is_told_to_stop_and_gives_its_reason(time):
+    base, lines = Base(time, NEVER), []
+    work = begun(time, base, lines)
+    time.wait(lambda: base.applied)
+    base.mute = "its odometry is gone"
+    with pytest.raises(AdapterError, match="its odometry is gone"):
+        time.run(work)
+    assert speeds(base)[-1] == 0.0

@@ -1,0 +1,65 @@
+"""A viewer is never fed with holes."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robots.agent.media.codecs.encoder import Picture
+from robots.agent.media.peers.sender_queue import DEPTH, MAX_BACKLOG, ViewerQueue
+
+
+def _picture(number: int, *, key: bool = False) -> Picture:
+    return Picture((b"x",), key, number, float(number))
+
+
+def test_a_viewer_begins_with_a_key_frame_and_asks_for_no_second_one() -> None:
+    queue = ViewerQueue()
+    assert [queue.put(_picture(n)) for n in range(3)] == [False, False, False]
+    assert queue.take() is None
+    queue.put(_picture(3, key=True))
+    queue.put(_picture(4))
+    assert [queue.take().rtp, queue.take().rtp, queue.take()] == [3, 4, None]
+
+
+def test_a_viewer_that_falls_behind_is_emptied_and_waits_for_a_key_frame() -> None:
+    queue = ViewerQueue()
+    for n in range(DEPTH):
+        queue.put(_picture(n, key=n == 0))
+    assert queue.put(_picture(DEPTH)), "it asks for a key frame"
+    assert len(queue) == 0
+    assert queue.restarts == 1
+    queue.put(_picture(DEPTH + 1))
+    assert len(queue) == 0
+    queue.put(_picture(DEPTH + 2, key=True))
+    assert queue.take().rtp == DEPTH + 2
+
+
+def test_a_full_socket_counts_as_behind_even_for_a_key_frame() -> None:
+    queue = ViewerQueue()
+    queue.put(_picture(0, key=True))
+    assert queue.put(_picture(1), MAX_BACKLOG + 1)
+    queue.put(_picture(2, key=True), MAX_BACKLOG + 1)
+    assert len(queue) == 0
+    queue.put(_picture(3, key=True), 0)
+    assert queue.take().rtp == 3
+
+
+def test_a_waiting_viewer_repeats_its_request_now_and_then() -> None:
+    queue = ViewerQueue()
+    assert [n for n in range(70) if queue.put(_picture(n))] == [29, 59]
+
+
+@given(st.lists(st.tuples(st.sampled_from(["delta", "delta", "delta", "key", "take"]), st.sampled_from([0, 0, 0, MAX_BACKLOG + 1])), max_size=200))
+def test_what_is_taken_never_has_a_hole(steps: list[tuple[str, int]]) -> None:
+    queue, number, taken = ViewerQueue(), 0, []
+    for what, backlog in steps:
+        if what == "take":
+            taken.append(queue.take())
+        else:
+            queue.put(_picture(number, key=what == "key"), backlog)
+            number += 1
+        assert len(queue) <= DEPTH
+    pictures = [picture for picture in taken if picture is not None]
+    last = None
+    for picture in pictures:
+        assert picture.key or picture.rtp == last + 1
+        last = picture.rtp

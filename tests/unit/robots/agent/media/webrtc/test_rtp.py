@@ -1,0 +1,167 @@
+"""Clocks, payloads and packets."""
+
+import itertools
+import math
+
+from aiortc.codecs.vpx import VpxPayloadDescriptor
+from aiortc.rtcrtpparameters import RTCRtpHeaderExtensionParameters, RTCRtpParameters
+from aiortc.rtp import HeaderExtensionsMap, RtpPacket, unpack_header_extensions, unwrap_rtx
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robots.agent.media.webrtc.aiortc_hooks import ABS_SEND_TIME, MID
+from robots.agent.media.webrtc.rtp import (
+    ASKED_AGAIN,
+    HISTORY,
+    ClockTeller,
+    ExtensionIds,
+    RtpClock,
+    RtpStream,
+    capture_stamp,
+    extension_block,
+    ntp_time,
+    vp8_payloads,
+)
+from robots.api.messages import MediaClock
+
+NOW = 1_800_000_000.25
+
+
+def test_a_timestamp_follows_the_capture_stamp() -> None:
+    clock = RtpClock(origin=7)
+    assert [clock.tick(stamp) for stamp in (NOW, NOW + 0.1, NOW + 1.0)] == [0, 9_000, 90_000]
+    assert clock.timestamp(9_000) == 9_007
+
+
+@given(st.lists(st.floats(min_value=0, max_value=4e9), min_size=2, max_size=50))
+def test_timestamps_grow_whatever_the_wall_clock_does(stamps: list[float]) -> None:
+    clock = RtpClock(origin=0)
+    ticks = [clock.tick(stamp) for stamp in stamps]
+    assert all(0 < after - before <= 5.0 * 90_000 for before, after in itertools.pairwise(ticks))
+
+
+def test_a_page_computes_the_stamp_across_the_wrap_of_32_bits() -> None:
+    clock = MediaClock(rtp=2**32 - 45_000, stamp=NOW)
+    assert capture_stamp(clock, 45_000) == NOW + 1.0
+    assert capture_stamp(clock, 2**32 - 90_000) == NOW - 0.5
+
+
+def test_the_clock_is_told_once_a_second_and_when_it_does_not_fit_any_more() -> None:
+    teller = ClockTeller()
+    assert teller.tell(0, NOW, 0.0) == MediaClock(rtp=0, stamp=NOW)
+    assert teller.tell(45_000, NOW + 0.5, 0.5) is None
+    assert teller.tell(90_000, NOW + 1.0, 1.0) is not None
+    assert teller.tell(93_000, NOW + 3600.0, 1.03) is not None, "the robot's clock was set"
+    assert teller.tell(96_000, NOW + 3600.0 + 3_000 / 90_000, 1.07) is None
+    teller.forget()
+    assert teller.tell(99_000, NOW + 3600.0 + 6_000 / 90_000, 1.1) is not None
+
+
+@given(st.binary(min_size=1, max_size=9_000))
+def test_a_picture_cut_into_payloads_is_put_together_again(picture: bytes) -> None:
+    parsed = [VpxPayloadDescriptor.parse(payload) for payload in vp8_payloads(picture)]
+    assert b"".join(data for _, data in parsed) == picture
+    assert [d.partition_start for d, _ in parsed] == [1] + [0] * (len(parsed) - 1)
+    assert {d.picture_id for d, _ in parsed} == {None}
+
+
+@given(st.integers(1, 14), st.integers(1, 14), st.integers(1, 14), st.text("abc012", min_size=1, max_size=16))
+def test_header_extensions_are_read_back(mid_id: int, time_id: int, delay_id: int, mid: str) -> None:
+    if len({mid_id, time_id, delay_id}) < 3:
+        return
+    ids = ExtensionIds(mid=mid_id, abs_send_time=time_id, playout_delay=delay_id)
+    stream = RtpStream(ssrc=5, payload_type=97, sequence=9, extension=extension_block(ids, mid), timed=True)
+    raw = stream.packets((b"data",), 1234, NOW)[0]
+    assert len(raw) % 4 == 0
+    words = int.from_bytes(raw[14:16], "big")
+    elements = dict(unpack_header_extensions(0xBEDE, raw[16 : 16 + 4 * words]))
+    assert elements[mid_id] == mid.encode()
+    assert elements[delay_id] == bytes(3)
+    assert elements[time_id] == (ntp_time(NOW) >> 14 & 0xFFFFFF).to_bytes(3, "big")
+    assert raw[16 + 4 * words :] == b"data"
+
+
+def test_only_what_was_agreed_stands_in_the_header() -> None:
+    assert extension_block(ExtensionIds(), "0") == b""
+    stream = RtpStream(ssrc=5, payload_type=97, sequence=9)
+    assert RtpPacket.parse(stream.packets((b"x",), 1, NOW)[0]).payload == b"x"
+
+
+def _map() -> HeaderExtensionsMap:
+    extensions = HeaderExtensionsMap()
+    extensions.configure(
+        RTCRtpParameters(headerExtensions=[RTCRtpHeaderExtensionParameters(1, MID), RTCRtpHeaderExtensionParameters(3, ABS_SEND_TIME)])
+    )
+    return extensions
+
+
+def test_aiortc_reads_our_packets_and_only_the_last_has_the_marker() -> None:
+    block = extension_block(ExtensionIds(mid=1, abs_send_time=3), "0")
+    stream = RtpStream(ssrc=5, payload_type=97, sequence=65_535, extension=block, timed=True)
+    packets = [RtpPacket.parse(raw, _map()) for raw in stream.packets((b"one", b"two"), 77, NOW)]
+    assert [(p.sequence_number, p.marker, p.payload, p.timestamp, p.ssrc) for p in packets] == [(65_535, 0, b"one", 77, 5), (0, 1, b"two", 77, 5)]
+    assert packets[0].extensions.mid == "0"
+    assert packets[0].extensions.abs_send_time == ntp_time(NOW) >> 14 & 0xFFFFFF
+    assert (stream.packets_sent, stream.octets_sent) == (2, 6)
+
+
+def test_a_lost_packet_is_wrapped_for_retransmission() -> None:
+    stream = RtpStream(ssrc=5, payload_type=97, sequence=100, rtx_ssrc=6, rtx_payload_type=98, rtx_sequence=3)
+    stream.packets((b"one", b"two"), 77, NOW)
+    rtx = RtpPacket.parse(stream.retransmission(101, NOW))
+    assert (rtx.ssrc, rtx.payload_type, rtx.sequence_number) == (6, 98, 3)
+    original = unwrap_rtx(rtx, payload_type=97, ssrc=5)
+    assert (original.sequence_number, original.payload, original.marker, original.timestamp) == (101, b"two", 1, 77)
+
+
+def test_without_a_retransmission_stream_the_packet_is_sent_again_as_it_was() -> None:
+    stream = RtpStream(ssrc=5, payload_type=97, sequence=100)
+    sent = stream.packets((b"one",), 77, NOW)[0]
+    assert stream.retransmission(100, NOW) == sent
+
+
+def test_what_is_too_old_is_not_sent_again() -> None:
+    stream = RtpStream(ssrc=5, payload_type=97, sequence=0)
+    for _ in range(HISTORY + 1):
+        stream.packets((b"x",), 1, NOW)
+    assert stream.retransmission(0, NOW) is None
+    assert stream.retransmission(1, NOW) is not None
+    assert stream.retransmission(60_000, NOW) is None
+
+
+def test_after_a_key_frame_nothing_from_before_it_is_sent_again() -> None:
+    stream = RtpStream(ssrc=5, payload_type=97, sequence=0)
+    stream.packets((b"old",), 1, NOW)
+    stream.packets((b"key",), 2, NOW, key=True)
+    assert stream.retransmission(0, NOW) is None
+    assert stream.retransmission(1, NOW) is not None
+
+
+def test_a_page_that_asks_for_all_over_and_over_is_sent_a_share_again() -> None:
+    stream = RtpStream(ssrc=5, payload_type=97, sequence=0)
+    for n in range(60):
+        stream.packets((bytes(1000), bytes(1000)), n, NOW + n / 30)
+    again = 0
+    for n in range(30):
+        now = NOW + 2.0 + n / 30
+        again += sum(len(stream.retransmission(sequence, now) or b"") for sequence in range(120))
+    assert 4_000 < again < 0.25 * 60_000
+    assert stream.retransmission(119, NOW + 10.0) is not None
+    assert stream.retransmission(119, NOW + 10.0 + ASKED_AGAIN / 2) is None, "it is on its way"
+    assert stream.retransmission(119, NOW + 10.1 + ASKED_AGAIN) is not None
+
+
+def test_copies_fill_what_is_asked_for_and_no_more() -> None:
+    stream = RtpStream(ssrc=5, payload_type=97, sequence=0, rtx_ssrc=6, rtx_payload_type=98)
+    assert stream.again(5_000, NOW) == []
+    stream.packets((bytes(1000), bytes(400)), 1, NOW)
+    copies = stream.again(5_000, NOW)
+    assert 3_500 < sum(map(len, copies)) <= 5_000
+    assert {RtpPacket.parse(copy).payload_type for copy in copies} == {98}
+    stream.rtx_payload_type = None
+    assert stream.again(5_000, NOW) == [], "the same packet twice is taken for an attack"
+
+
+def test_ntp_time_counts_from_1900() -> None:
+    assert ntp_time(0.0) >> 32 == 2_208_988_800
+    assert math.isclose((ntp_time(0.5) & 0xFFFFFFFF) / 2**32, 0.5)

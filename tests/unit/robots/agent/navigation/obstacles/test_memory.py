@@ -1,0 +1,265 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robots.agent.navigation.obstacles.memory import MemorySettings, ObstacleMemory, compare, into, out_of
+from robots.api.geometry import Pose2D
+from robots.world.raycaster import cast
+from robots.world.sensing import Beams
+
+HALF_CIRCLE = np.linspace(-math.pi / 2, math.pi / 2, 181)
+MOUNT = Pose2D(0.15, 0.0, 0.0)
+START = Pose2D(0.0, 0.0, 0.0)
+#  a room of 4 m x 3 m about the origin
+ROOM = np.array([[-2.0, -1.5, 2.0, -1.5], [2.0, -1.5, 2.0, 1.5], [2.0, 1.5, -2.0, 1.5], [-2.0, 1.5, -2.0, -1.5]])
+BOX = np.array([[1.0, -0.2, 1.0, 0.2], [1.0, 0.2, 1.2, 0.2], [1.2, 0.2, 1.2, -0.2], [1.2, -0.2, 1.0, -0.2]])
+
+
+def look(pose: Pose2D, segments: np.ndarray = ROOM, stamp: float = 0.0) -> Beams:
+    eye = pose.compose(MOUNT)
+    ranges, _ = cast(segments, eye.x, eye.y, HALF_CIRCLE + eye.theta)
+    return Beams(stamp, -math.pi / 2, math.radians(1.0), 10.0, ranges, MOUNT)
+
+
+def with_ranges(ranges: np.ndarray, stamp: float = 0.0) -> Beams:
+    return Beams(stamp, -math.pi / 2, math.radians(1.0), 10.0, ranges, MOUNT)
+
+
+def nearest_to(memory: ObstacleMemory, odometry: Pose2D, x: float, y: float) -> float:
+    points = memory.near(odometry, 4.0)
+    return float(np.hypot(points[:, 0] - x, points[:, 1] - y).min())
+
+
+def test_what_was_ahead_is_remembered_behind_a_robot_that_has_turned_round():
+    memory = ObstacleMemory()
+    for step in range(0, 181, 5):
+        pose = Pose2D(0.0, 0.0, math.radians(step))
+        memory.update(pose, look(pose))
+    assert nearest_to(memory, pose, -2.0, 0.0) < 0.05  # the wall that it first looked at
+
+
+@pytest.mark.parametrize("step", [0.1, 0.3, -0.3, 0.45, -0.45, 0.9])
+def test_what_went_out_of_sight_slowly_is_remembered_as_well(step):
+    """The last beam, a degree from its neighbour, must not take away what is half a degree beyond it."""
+    memory, turned = ObstacleMemory(), 0.0
+    while abs(turned) < 90.0:
+        pose = Pose2D(0.0, 0.0, math.radians(turned))
+        memory.update(pose, look(pose))
+        turned += step
+    points = memory.near(pose, 4.0)
+    eye = into(MOUNT, points)
+    bearings = np.sort(np.degrees(np.arctan2(eye[:, 1], eye[:, 0])) % 360.0)
+    behind = bearings[(bearings > 95.0) & (bearings < 165.0) if step < 0 else (bearings > 195.0) & (bearings < 265.0)]
+    assert np.diff(behind).max() < 3.0
+
+
+def test_what_the_laser_sees_is_where_it_is_and_what_is_behind_it_may_be_off_by_some():
+    memory = ObstacleMemory()
+    for step in range(0, 181, 5):
+        pose = Pose2D(0.0, 0.0, math.radians(step))
+        memory.update(pose, look(pose))
+    points, errors = memory.about(pose, 4.0)
+    assert errors[points[:, 0] > 0.3].max() == 0.0
+    assert errors[points[:, 0] < -1.5].min() > 0.8 * memory.settings.inexact
+    assert errors.max() == memory.settings.inexact
+
+
+def test_time_alone_forgets_nothing():
+    memory = ObstacleMemory()
+    memory.update(START, look(START, stamp=0.0))
+    turned = Pose2D(0.0, 0.0, math.pi)
+    for minute in range(60):
+        memory.update(turned, look(turned, stamp=60.0 * minute))
+    assert nearest_to(memory, turned, -2.0, 0.0) < 0.05
+
+
+def test_what_was_seen_long_ago_by_the_way_driven_is_forgotten():
+    memory = ObstacleMemory(MemorySettings(way=1.0))
+    memory.update(START, look(START))
+    for step in range(1, 30):
+        pose = Pose2D(-0.05 * step, 0.0, math.pi)
+        memory.update(pose, with_ranges(look(pose).ranges))
+    assert nearest_to(memory, pose, -2.0 - 1.45, 0.0) > 1.0
+
+
+def test_what_stands_close_behind_is_not_forgotten_by_who_goes_to_and_fro():
+    memory = ObstacleMemory(MemorySettings(way=1.0))
+    memory.update(START, look(START, np.vstack([ROOM, BOX])))
+    for step in range(60):
+        pose = Pose2D(0.05 * (step % 2), 0.0, math.pi)
+        memory.update(pose, look(pose))
+    assert nearest_to(memory, pose, -1.0 + pose.x, 0.0) < 0.05  # the box, a metre behind
+    assert nearest_to(memory, pose, -2.0 + pose.x, 0.8) > 0.5  # the wall beyond
+
+
+def test_what_has_gone_away_is_seen_through_by_the_second_sweep():
+    memory = ObstacleMemory()
+    memory.update(START, look(START, np.vstack([ROOM, BOX])))
+    memory.update(START, look(START))
+    assert nearest_to(memory, START, 1.0, 0.0) < 0.05
+    memory.update(START, look(START))
+    assert nearest_to(memory, START, 1.0, 0.0) > 0.5
+
+
+def test_a_lost_echo_takes_nothing_away():
+    memory = ObstacleMemory()
+    full = look(START, np.vstack([ROOM, BOX]))
+    memory.update(START, full)
+    for lost in (88, 90, 92):
+        ranges = full.ranges.copy()
+        ranges[lost] = np.inf
+        memory.update(START, with_ranges(ranges))
+        memory.update(START, with_ranges(ranges))
+    assert nearest_to(memory, START, 1.0, 0.0) < 0.05
+
+
+def test_no_echo_from_many_neighbours_is_free_space_except_where_the_laser_is_blind():
+    memory = ObstacleMemory()
+    ranges = np.full(181, 2.0)
+    ranges[80:101] = 1.0
+    ranges[:20] = 0.2
+    memory.update(START, with_ranges(ranges))
+    gone = np.full(181, 2.0)
+    gone[70:111], gone[:40] = np.inf, np.inf
+    for _ in range(3):
+        memory.update(START, with_ranges(gone))
+    assert nearest_to(memory, START, 1.15, 0.0) > 0.5
+    assert nearest_to(memory, START, 0.15, -0.2) < 0.05
+
+
+def test_a_covered_laser_neither_sees_nor_takes_anything_away():
+    memory = ObstacleMemory()
+    memory.update(START, look(START, stamp=5.0))
+    count = len(memory)
+    for ranges in (np.full(181, np.nan), np.full(181, np.inf), np.full(181, -1.0), np.zeros(0)):
+        memory.update(START, with_ranges(ranges, stamp=6.0))
+    assert memory.seen == 5.0
+    assert len(memory) == count
+    assert ObstacleMemory().seen == -math.inf
+
+
+def test_an_odometry_that_jumped_began_anew():
+    memory = ObstacleMemory()
+    memory.update(START, look(START))
+    there = Pose2D(50.0, 0.0, 0.0)
+    memory.update(there, look(START))
+    assert nearest_to(memory, there, 2.0, 0.0) < 0.05
+    assert len(memory.near(START, 4.0)) == 0
+
+
+def test_a_robot_that_stands_for_long_keeps_no_more_than_one_sweep():
+    memory = ObstacleMemory()
+    rng = np.random.default_rng(3)
+    clean = look(START).ranges
+    for _ in range(300):
+        memory.update(START, with_ranges(clean + rng.normal(0.0, 0.008, len(clean))))
+    assert len(memory) <= 181
+
+
+def test_a_clockwise_laser_is_compared_with_its_own_beams():
+    points = np.array([[1.15, 0.5], [1.15, -0.5]])
+    ranges = np.where(np.arange(181) < 90, 3.0, np.hypot(1.0, 0.5))  # sees through to the left, where its beams begin
+    beams = Beams(0.0, math.pi / 2, math.radians(-1.0), 10.0, ranges, MOUNT)
+    again, through = compare(points, beams, MemorySettings())
+    assert again.tolist() == [False, True]
+    assert through.tolist() == [True, False]
+
+
+POSES = st.builds(Pose2D, st.floats(-5, 5), st.floats(-5, 5), st.floats(-3, 3))
+
+
+@settings(deadline=None)
+@given(POSES, st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), max_size=20))
+def test_into_a_frame_and_out_of_it_are_inverse(frame, points):
+    array = np.array(points).reshape(-1, 2)
+    assert np.allclose(out_of(frame, into(frame, array)), array)
+    assert all(np.allclose(into(frame, np.array([frame.apply(x, y)])), [[x, y]]) for x, y in points)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.floats(-1.0, 1.0), st.floats(-0.8, 0.8), st.floats(-3, 3), st.integers(0, 1000))
+def test_every_wall_seen_on_a_drive_is_known_where_it_stands(x, y, heading, seed):
+    rng = np.random.default_rng(seed)
+    memory = ObstacleMemory()
+    pose = Pose2D(x, y, heading)
+    for _ in range(20):
+        memory.update(pose, look(pose))
+        pose = Pose2D(pose.x, pose.y, pose.theta + float(rng.uniform(-0.2, 0.2)))
+    beams = look(pose)
+    memory.update(pose, beams)
+    world = out_of(pose, memory.near(pose, 4.0))
+    off_wall = np.minimum(np.abs(np.abs(world[:, 0]) - 2.0), np.abs(np.abs(world[:, 1]) - 1.5))
+    assert off_wall.max() < 1e-6
+    seen = beams.points()
+    known = memory.near(pose, 4.0)
+    assert all(np.hypot(*(known - point).T).min() < 0.06 for point in seen)
+
+
+def turned_away(memory: ObstacleMemory, segments: np.ndarray, far: int = 180) -> Pose2D:
+    """Look at things, turn left until they are behind the robot, and return the pose."""
+    for step in range(0, far + 1, 5):
+        pose = Pose2D(0.0, 0.0, math.radians(step))
+        memory.update(pose, look(pose, segments))
+    return pose
+
+
+def test_behind_an_edge_that_went_out_of_sight_a_thing_is_taken_to_go_on():
+    memory = ObstacleMemory()
+    near = np.vstack([ROOM, BOX - (0.4, 0.0, 0.4, 0.0)])
+    away = turned_away(memory, near)
+    seen, (points, errors) = memory.near(away, 4.0), memory.about(away, 4.0)
+    hidden = out_of(away, points[len(seen) :])
+    assert len(points) == len(errors) > len(seen)
+    assert np.array_equal(points[: len(seen)], seen)
+    # Both front corners, at (0.6, 0.2) and (0.6, -0.2), were edges, and the box goes on behind them as far as nobody looked.
+    for corner in (0.2, -0.2):
+        beside = np.hypot(hidden[:, 0] - 0.6, hidden[:, 1] - corner)
+        assert beside.min() < 0.06
+        assert 0.03 < hidden[beside < 0.12, 0].max() - 0.6 < 0.09
+
+
+def test_what_an_edge_may_hide_counts_neither_in_sight_nor_when_it_was_looked_at_again():
+    memory = ObstacleMemory()
+    near = np.vstack([ROOM, BOX - (0.4, 0.0, 0.4, 0.0)])
+    memory.update(START, look(START, near))
+    memory.update(START, look(START, near))
+    assert len(memory.about(START, 4.0)[0]) == len(memory.near(START, 4.0))
+    turned_away(memory, near)
+    turned_away(memory, near, far=0)
+    assert len(memory.about(START, 4.0)[0]) == len(memory.near(START, 4.0))
+
+
+def test_a_robot_that_stands_gathers_nothing_behind_edges_however_long():
+    memory, near = ObstacleMemory(), np.vstack([ROOM, BOX - (0.4, 0.0, 0.4, 0.0)])
+    away = turned_away(memory, near, far=90)
+    known = len(memory.about(away, 4.0)[0])
+    for _ in range(100):
+        memory.update(away, look(away, near))
+    assert len(memory.about(away, 4.0)[0]) <= known
+
+
+def test_what_an_edge_may_hide_is_forgotten_with_all_the_rest():
+    memory = ObstacleMemory()
+    away = turned_away(memory, np.vstack([ROOM, BOX - (0.4, 0.0, 0.4, 0.0)]))
+    memory.forget()
+    assert len(memory.about(away, 4.0)[0]) == 0
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(0.45, 0.8), st.floats(0.1, 0.3), st.floats(-0.4, 0.4))
+def test_the_hidden_flank_of_a_round_thing_is_never_nearer_than_what_is_kept_of_it(distance: float, radius: float, aside: float):
+    turns = np.linspace(0.0, 2.0 * math.pi, 49)
+    circle = np.column_stack([distance + radius + radius * np.cos(turns), aside + radius * np.sin(turns)])
+    memory = ObstacleMemory()
+    away = turned_away(memory, np.vstack([ROOM, np.hstack([circle[:-1], circle[1:]])]))
+    kept = out_of(away, memory.about(away, 2.0)[0])
+    flank = circle[np.hypot(circle[:, 0], circle[:, 1]) < np.hypot(circle[:, 0], circle[:, 1]).min() + 0.06]
+    # Whoever turns about the origin meets what is kept, less what it may be off, no later than the thing.
+    reach = np.hypot(kept[:, 0], kept[:, 1])
+    for point in flank:
+        beside = np.hypot(*(kept - point).T) < 0.06
+        assert beside.any()
+        assert reach[beside].min() < np.hypot(*point) + memory.settings.inexact

@@ -1,0 +1,169 @@
+"""Ways over a map drawn as text."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from robots.agent.navigation.planning.costmap import CostMap, NoWayError
+from robots.agent.navigation.planning.path import Path, resampled
+from robots.agent.navigation.planning.planner import Planner
+from robots.agent.simulator.profiles import GIRAFF
+from robots.api.geometry import MapTransform, Pose2D
+from robots.world.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from robots.world.sensing import CENTRE
+from robots.world.sites import load_site
+
+SQUARE = np.array([[0.2, -0.2], [0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2]])
+TILE = 4  # cells of 5 cm a letter: 20 cm
+LETTERS = {"#": OCCUPIED, ".": FREE, "?": UNKNOWN}
+
+ROOMS = """
+####################
+#.......#..........#
+#.......#..........#
+#.......#..........#
+#.......#..........#
+#.......#..........#
+#..................#
+#..................#
+#..................#
+#..................#
+####################
+"""
+SHUT = """
+##########
+#...##...#
+#...##...#
+#...##...#
+#...##...#
+##########
+"""
+
+
+def drawn(picture: str, origin: Pose2D = CENTRE) -> OccupancyGrid:
+    rows = [[LETTERS[letter] for letter in line] for line in picture.split()]
+    image = np.kron(np.array(rows, dtype=np.uint8), np.ones((TILE, TILE), dtype=np.uint8))
+    return OccupancyGrid(image, MapTransform(0.05, origin, image.shape[0]))
+
+
+def planner(picture: str = ROOMS, origin: Pose2D = CENTRE) -> Planner:
+    return Planner(CostMap(drawn(picture, origin), SQUARE))
+
+
+def way(made: Planner, start: tuple[float, float], goal: tuple[float, float]) -> Path:
+    found = made.plan(start, goal, made.costmap.clearance)
+    assert found is not None
+    return found
+
+
+def test_a_way_leads_round_a_wall_and_keeps_the_robot_clear_of_it() -> None:
+    made = planner()
+    found = way(made, (0.8, 1.7), (2.6, 1.7))
+    assert found.points[0] == pytest.approx((0.8, 1.7))
+    assert found.end == pytest.approx((2.6, 1.7))
+    assert (made.costmap.sample(made.costmap.clearance, found.points) >= made.costmap.least - 0.05).all()
+    assert 2.2 < found.length < 3.6
+
+
+def test_over_an_open_floor_the_way_is_the_straight_line() -> None:
+    made = planner()
+    assert way(made, (0.6, 0.55), (3.3, 0.75)).length == pytest.approx(math.dist((0.6, 0.55), (3.3, 0.75)), rel=0.05)
+
+
+def test_there_is_no_way_into_a_room_without_a_door() -> None:
+    made = planner(SHUT)
+    assert made.plan((0.5, 0.6), (1.5, 0.6), made.costmap.clearance) is None
+
+
+def test_what_stands_in_the_only_gap_leaves_no_way_and_elsewhere_a_detour() -> None:
+    made = planner()
+    live = np.zeros(made.costmap.shape, dtype=np.bool_)
+    rows, columns, _ = made.costmap.cells(np.array([[1.7, y] for y in np.arange(0.2, 1.0, 0.05)]))
+    live[rows, columns] = True
+    assert made.plan((0.8, 1.7), (2.6, 1.7), made.costmap.clearance_with(live)) is None
+    one = np.zeros(made.costmap.shape, dtype=np.bool_)
+    one[made.costmap.cells(np.array([[2.7, 1.0]]))[:2]] = True
+    detour = made.plan((2.3, 0.5), (3.1, 1.5), made.costmap.clearance_with(one))
+    assert detour is not None
+    assert np.hypot(detour.points[:, 0] - 2.7, detour.points[:, 1] - 1.0).min() > made.costmap.inscribed
+
+
+def test_a_map_without_free_space_is_refused() -> None:
+    with pytest.raises(NoWayError, match="no free space"):
+        planner("####\n####\n####")
+
+
+def test_what_the_map_does_not_know_is_no_place_to_be() -> None:
+    made = planner("######\n#????#\n#?..?#\n#....#\n#....#\n#....#\n######".replace("\n", " "))
+    with pytest.raises(NoWayError):
+        planner("?????\n?????\n?????")
+    assert float(made.costmap.sample(made.costmap.clearance, np.array([[0.3, 1.1]]))[0]) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("goal", "reason"),
+    [((9.0, 1.0), "outside of the map"), ((math.nan, 1.0), "not a point"), ((1.7, 1.6), None), ((2.6, 1.6), None)],
+)
+def test_a_goal_is_taken_where_it_is_or_beside_the_wall_it_lies_in_or_refused(goal: tuple[float, float], reason: str | None) -> None:
+    made = planner()
+    if reason:
+        with pytest.raises(NoWayError, match=reason):
+            made.goal(*goal)
+    else:
+        assert math.dist(made.goal(*goal), goal) <= 0.5
+
+
+def test_a_goal_deep_in_a_wall_is_refused() -> None:
+    picture = "####################\n" * 6 + "#..................#\n" * 5 + "####################"
+    with pytest.raises(NoWayError, match="in a wall"):
+        planner(picture).goal(2.0, 1.9)
+
+
+def test_a_turned_map_gives_the_same_way_in_its_own_frame() -> None:
+    frame = Pose2D(3.0, -1.0, 0.7)
+    straight, turned = way(planner(), (0.8, 1.7), (2.6, 1.7)), way(planner(ROOMS, frame), frame.apply(0.8, 1.7), frame.apply(2.6, 1.7))
+    assert turned.length == pytest.approx(straight.length, rel=0.02)
+
+
+def test_a_finer_map_is_coarsened_and_its_origin_stays() -> None:
+    coarse = drawn(ROOMS)
+    image = np.kron(coarse.image, np.ones((2, 2), dtype=np.uint8))[1:, :-1]
+    fine = CostMap(OccupancyGrid(image, MapTransform(0.025, coarse.transform.origin, image.shape[0])), SQUARE)
+    assert fine.transform.resolution == pytest.approx(0.05)
+    whole = CostMap(coarse, SQUARE)
+    points = np.array([[0.8, 0.8], [2.5, 1.2], [1.5, 0.5]])
+    assert fine.sample(fine.clearance, points) == pytest.approx(whole.sample(whole.clearance, points), abs=0.051)
+
+
+@settings(max_examples=25, deadline=None)
+@example((1.0, 0.5), (3.59375, 1.78125))  # the last leg before a wall touches it, whichever single cell is barred
+@given(st.tuples(st.floats(0.3, 3.7), st.floats(0.3, 1.9)), st.tuples(st.floats(0.3, 3.7), st.floats(0.3, 1.9)))
+def test_every_way_joins_start_and_goal_without_touching(start: tuple[float, float], goal: tuple[float, float]) -> None:
+    made = planner()
+    begin, end = made.goal(*start), made.goal(*goal)
+    found = way(made, begin, end)
+    assert (found.points[0], found.points[-1]) == (pytest.approx(begin), pytest.approx(end))
+    assert float(made.costmap.sample(made.costmap.clearance, found.points).min()) > made.costmap.inscribed - 0.05
+    assert float(np.hypot(*np.diff(found.points, axis=0).T).max(initial=0.0)) < 0.11
+
+
+def test_the_giraff_has_a_way_between_all_places_of_the_office() -> None:
+    site = load_site("office")
+    made = Planner(CostMap(site.grid, np.array(GIRAFF.footprint)))
+    places = [(place.x, place.y) for place in (*site.plan.places, *site.plan.starts)]
+    for place in places[1:]:
+        assert made.plan(places[0], made.goal(*place), made.costmap.clearance) is not None
+
+
+def test_a_line_is_resampled_with_its_ends_and_corners_kept_near() -> None:
+    line = resampled(np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]), 0.1)
+    assert len(line) == 21
+    assert line[10] == pytest.approx((1.0, 0.0))
+    path = Path(line)
+    assert path.at(1.5) == pytest.approx((1.0, 0.5))
+    assert path.sharpest_bend(0.0, 0.7) == pytest.approx(0.0, abs=1e-9)
+    assert path.sharpest_bend(0.5, 1.5) > 5.0
+    assert path.nearest(1.2, 0.5, 0.0, 2.0) == pytest.approx(1.5)

@@ -1,0 +1,194 @@
+"""The collision monitor by itself, and as a stage of the kernel's tick."""
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robots.agent.robot_interface import NOWHERE, UNKNOWN_BATTERY, RcaState
+from robots.agent.safety.collision_monitor import CollisionMonitor, monitor_of, seen_from
+from robots.agent.safety.obstacle_sources import LaserSource
+from robots.agent.safety.ramp import ZERO
+from robots.api.geometry import Pose2D
+from robots.api.messages import Laser, LeaseLimits, Pose, Scan, Velocity
+from tests.support.kernel_bench import LIMITS, TICK, Bench
+from tests.support.scripted_robot import PROFILE
+
+AHEAD = Velocity(linear=0.5, angular=0.0)
+FOOTPRINT = ((0.3, -0.25), (0.3, 0.25), (-0.3, 0.25), (-0.3, -0.25))
+ORIGIN = Pose2D(0.0, 0.0, 0.0)
+
+
+def reading(stamp=1.0, odometry=ORIGIN, **fields):
+    return RcaState(stamp=stamp, pose=NOWHERE, velocity=ZERO, battery=UNKNOWN_BATTERY, odometry=odometry, **fields)
+
+
+def wall(distance, stamp=1.0):
+    """A scan of a laser in the robot's centre that sees a wall `distance` ahead."""
+    angles = np.linspace(-1.0, 1.0, 81)
+    return Scan(stamp=stamp, angle_min=-1.0, angle_increment=2.0 / 80, range_max=10.0, ranges=tuple((distance / np.cos(angles)).tolist()))
+
+
+def monitor():
+    return CollisionMonitor(FOOTPRINT, LIMITS, [LaserSource(Laser(x=0.0))])
+
+
+# --- by itself ---------------------------------------------------------------------------------------------------------------
+
+
+def test_one_that_never_saw_anything_is_blind_and_says_so_for_a_moment():
+    watch = monitor()
+    assert watch.shape(AHEAD, ZERO, "slow", 1.0).velocity == ZERO
+    assert watch.why(1.1)[0] == "blind"
+    assert watch.why(2.0) == ("", None)
+    assert watch.clearance() is None
+    assert watch.points().shape == (0, 2)
+
+
+def test_it_knows_a_wall_and_stops_before_it_but_not_when_it_is_far():
+    watch = monitor()
+    watch.sense(reading(scan=wall(0.4)), 1.0)
+    assert watch.clearance() == pytest.approx(0.1, abs=0.02)
+    assert watch.shape(AHEAD, ZERO, "slow", 1.1).velocity.linear < 0.02
+    why, point = watch.why(1.1)
+    assert why == "stop"
+    assert point[0] == pytest.approx(0.4, abs=0.02)
+    far = monitor()
+    far.sense(reading(scan=wall(3.9)), 1.0)
+    assert far.shape(AHEAD, AHEAD, "slow", 1.1).velocity == AHEAD
+    assert far.why(1.1) == ("", None)
+
+
+def test_a_laser_that_says_nothing_any_more_or_sees_nothing_makes_it_blind():
+    watch = monitor()
+    watch.sense(reading(scan=wall(3.0)), 1.0)
+    covered = Scan(stamp=1.4, angle_min=-1.0, angle_increment=2.0 / 80, range_max=10.0, ranges=(None,) * 81)
+    watch.sense(reading(1.4, scan=covered), 1.4)
+    assert watch.shape(AHEAD, AHEAD, "slow", 1.45).why == "free"
+    assert watch.shape(AHEAD, AHEAD, "slow", 1.55).why == "blind"
+
+
+def test_a_robot_gets_one_when_it_names_a_sensor():
+    seeing = replace(PROFILE, laser=Laser(x=0.0))
+    assert monitor_of(PROFILE) is None
+    assert monitor_of(seeing) is not None
+    assert monitor_of(replace(seeing, capabilities=(*seeing.capabilities, "localization", "goto"))) is not None, "one does not hang on the other"
+    assert monitor_of(replace(seeing, capabilities=(*seeing.capabilities, "assist"))) is not None, "navigation needs its points"
+
+
+def test_a_dock_is_seen_from_a_robot_that_knows_where_it_is_and_from_no_other():
+    class Dock:
+        x, y, theta = 3.0, 1.0, math.pi / 2
+
+    found = seen_from(Pose(x=1.0, y=1.0, theta=0.0), Dock)
+    assert found == pytest.approx((2.0, 0.0, math.pi / 2))
+    assert seen_from(NOWHERE, Dock) is None
+    assert seen_from(Pose(x=1.0, y=1.0, theta=0.0), None) is None
+
+
+# --- as a stage of the tick --------------------------------------------------------------------------------------------------
+
+
+class Scripted:
+    """A shaper that answers what the test says, as assist.Assisted has it, and remembers what it was asked."""
+
+    def __init__(self, turn=0.0, share=1.0):
+        self.turn, self.share, self.asked = turn, share, []
+
+    def shape(self, wanted, told, level, now):
+        self.asked.append((wanted, told, level))
+        self.own = Velocity(linear=wanted.linear * self.share, angular=wanted.angular)
+        turn = self.turn if level == "steer" else 0.0
+        self.velocity = Velocity(linear=self.own.linear, angular=self.own.angular + turn)
+        return self
+
+
+def bench(shaper, level="steer"):
+    made = Bench(monitor=shaper)
+    made.kernel.assist.level = level
+    made.lease()
+    made.know_clock()
+    return made
+
+
+def test_a_turn_that_was_added_is_told_and_not_taken_for_the_drivers():
+    made = bench(Scripted(turn=0.01))
+    made.run(1.0, every=0.06, linear=0.3)
+    assert made.kernel.commanded.angular == pytest.approx(0.01)
+    assert max(abs(wanted.angular) for wanted, _, _ in made.kernel.monitor.asked) == 0.0
+
+
+def test_without_help_the_stage_is_not_asked():
+    made = bench(Scripted(turn=0.2), level="off")
+    made.run(1.0, every=0.06, linear=0.3)
+    assert made.kernel.commanded.angular == 0.0
+    assert made.kernel.monitor.asked == []
+
+
+def test_an_added_turn_keeps_to_the_leases_limit_and_what_is_left_of_it_is_looked_at_again():
+    made = bench(Scripted(turn=0.3))
+    made.lease(renewal=1, limits=LeaseLimits(angular=0.1))
+    made.run(2.0, every=0.06, linear=0.3)
+    assert max(abs(decision.velocity.angular) for _, decision in made.outputs if decision.velocity) == pytest.approx(0.1)
+    assert made.kernel.monitor.asked[-1][2] == "slow"
+
+
+def test_the_stage_knows_what_the_base_was_last_told():
+    made = bench(Scripted(share=0.9), level="slow")
+    for _ in range(40):
+        made.now += TICK
+        before = made.kernel.commanded
+        made.drive(0.5)
+        assert made.kernel.monitor.asked[-1][1] == before
+
+
+def test_a_base_that_takes_less_is_led_on_from_there():
+    made = bench(Scripted(), level="slow")
+    made.run(1.0, every=0.06, linear=0.4)
+    made.kernel.applied(Velocity(linear=0.1, angular=0.0))
+    assert made.kernel.commanded.linear == 0.1
+    made.now += TICK
+    made.drive(0.4)
+    assert made.kernel.monitor.asked[-1] == (
+        Velocity(linear=pytest.approx(0.1 + LIMITS.linear_acceleration * TICK), angular=0.0),
+        Velocity(linear=0.1, angular=0.0),
+        "slow",
+    )
+
+
+def test_who_lets_go_is_braked_on_the_course_that_was_looked_at_and_nothing_is_added():
+    made = bench(Scripted(turn=0.2))
+    made.run(1.5, every=0.06, linear=0.4)
+    asked = len(made.kernel.monitor.asked)
+    made.drive(0.0)
+    made.run(1.0)
+    assert len(made.kernel.monitor.asked) == asked
+    assert made.kernel.commanded == ZERO
+
+
+def test_what_the_agents_own_navigation_wants_is_not_shaped():
+    made = bench(Scripted(share=0.0))
+    made.run(1.0)
+    made.kernel.navigate("g", "goto", ordered_by_server=True, now=made.now)
+    made.wanted = Velocity(linear=0.4, angular=0.0)
+    made.run(2.0)
+    assert made.kernel.commanded.linear == pytest.approx(0.4)
+
+
+def test_a_robot_that_turns_blind_brakes_as_its_base_can():
+    watch = monitor()
+    made = Bench(monitor=watch)
+    made.kernel.assist.level = "slow"
+    made.lease()
+    made.know_clock()
+    for _ in range(100):
+        watch.sense(reading(made.now, scan=wall(9.0, made.now)), made.now)
+        made.run(TICK, every=TICK, linear=0.5)
+    assert made.speed > 0.45
+    before = len(made.outputs)
+    made.run(1.5, every=TICK, linear=0.5)
+    speeds = [decision.velocity.linear for _, decision in made.outputs[before:] if decision.velocity]
+    assert made.speed == 0.0
+    assert min(later - earlier for earlier, later in itertools.pairwise(speeds)) >= -LIMITS.linear_braking * TICK - 1e-9

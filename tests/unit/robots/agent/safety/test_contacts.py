@@ -1,0 +1,129 @@
+"""Contacts with a direction: what they forbid, what lets go of them, and what the pages hear."""
+
+import itertools
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robots.agent.safety.contacts import BACKED_AWAY, BESIDE, CREEP, SIDES, Contacts, side_of, sides_of
+from robots.agent.safety.ramp import ZERO
+from robots.api.messages import Velocity
+from tests.support.control_rig import ControlRig
+from tests.support.kernel_bench import Bench
+from tests.support.scripted_robot import still
+
+SIDE_SETS = st.sets(st.sampled_from(SIDES))
+VELOCITIES = st.builds(lambda v, w: Velocity(linear=v, angular=w), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("bearing", "side"),
+    [(0.0, "ahead"), (0.7, "ahead"), (-0.7, "ahead"), (1.5, "left"), (-1.5, "right"), (math.pi, "behind"), (-math.pi, "behind"), (2.4, "behind")],
+)
+def test_every_direction_is_on_one_side(bearing, side):
+    assert side_of(bearing) == side
+    assert sides_of([bearing, bearing]) == {side}
+
+
+@given(SIDE_SETS, VELOCITIES)
+def test_nothing_moves_towards_what_is_touched_and_nothing_is_added(sides, velocity):
+    contacts = Contacts()
+    contacts.felt(sides)
+    left = contacts.clamp(velocity)
+    between = CREEP if {"ahead", "behind"} <= sides else 0.0
+    assert "ahead" not in sides or left.linear <= between
+    assert "behind" not in sides or left.linear >= -between
+    assert not BESIDE & sides or left.angular == 0.0
+    assert left.linear in {0.0, velocity.linear, math.copysign(between, velocity.linear)}
+    assert left.angular in {0.0, velocity.angular}
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_driver_backs_away_from_any_one_contact_and_is_free_again(side):
+    contacts = Contacts()
+    contacts.felt([side])
+    away = next(v for v in (Velocity(linear=-0.1, angular=0.0), Velocity(linear=0.1, angular=0.0)) if contacts.clamp(v) != ZERO)
+    contacts.moved(away.linear * 0.4)
+    assert contacts.sides == (side,)
+    contacts.moved(math.copysign(BACKED_AWAY, away.linear))
+    assert not contacts
+
+
+def test_who_goes_back_and_touches_something_may_only_go_on():
+    bench = Bench()
+    bench.at_speed(-0.3)
+    bench.kernel.touched(["behind"])
+    bench.run(1.0, every=0.06, linear=-0.3)
+    assert bench.speed == 0.0
+    assert bench.run(0.3, every=0.06, linear=0.3) > 0.0
+
+
+def test_what_hits_a_standing_robot_beside_keeps_it_from_turning_until_it_has_driven_along():
+    bench = Bench()
+    bench.lease()
+    bench.know_clock()
+    bench.kernel.touched(["left"])
+    bench.run(0.5, every=0.06, linear=0.0, angular=0.5)
+    assert bench.kernel.commanded == ZERO
+    assert bench.kernel.inhibited(bench.now) == "collision"
+    bench.run(1.5, every=0.06, linear=0.2, angular=0.5)
+    assert bench.kernel.inhibited(bench.now) is None
+    assert bench.kernel.commanded.angular > 0.0
+
+
+# --- through the agent ---------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def rig(tmp_path):
+    with ControlRig(tmp_path) as rig:
+        rig.grant()
+        yield rig
+
+
+def test_a_contact_is_an_event_with_its_side_and_a_state_for_as_long_as_it_lasts(rig):
+    rig.robot.reading = still(bumper=())
+    rig.drive(0.4)
+    rig.robot.reading = still(bumper=(0.1,), contacts=1)
+    event = rig.link.wait("event", lambda e: e.type == "collision")
+    assert event.detail == "ahead"
+    rig.wait(lambda: rig.robot.told == ZERO)
+    state = rig.link.wait("state", lambda s: s.safety.touched == ("ahead",))
+    assert (state.safety.collision, state.safety.inhibited) == (True, "collision")
+    rig.drive(-0.2)
+    rig.sleep(1.0)
+    assert rig.link.wait("state", since=rig.link.count).safety.touched == ("ahead",), "it is pressed still"
+    rig.robot.reading = still(bumper=(), contacts=1)
+    rig.drive(-0.2)
+    rig.sleep(1.0)
+    rig.drive(0.3)
+    assert rig.link.wait("state", since=rig.link.count).safety.touched == ()
+    assert len([e for e in rig.link.all("event") if e.type == "collision"]) == 1
+
+
+def test_a_second_side_is_a_second_contact_though_the_first_one_lasts(rig):
+    rig.robot.reading = still(bumper=(0.0,), contacts=1)
+    rig.link.wait("event", lambda e: e.type == "collision" and e.detail == "ahead")
+    rig.robot.reading = still(bumper=(0.0, math.pi), contacts=1)
+    assert rig.link.wait("event", lambda e: e.type == "collision" and "behind" in e.detail).detail == "ahead behind"
+
+
+def test_an_adapter_that_only_counts_is_understood_as_before(rig):
+    rig.drive(0.4)
+    rig.robot.reading = still(contacts=1)
+    assert rig.link.wait("event", lambda e: e.type == "collision").detail == ""
+    assert rig.link.wait("state", lambda s: s.safety.touched).safety.touched == ("ahead",)
+
+
+@pytest.mark.parametrize("sides", [some for number in range(1, 5) for some in itertools.combinations(SIDES, number)])
+def test_from_whatever_was_touched_a_driver_gets_free(sides):
+    contacts = Contacts()
+    contacts.felt(sides)
+    for _ in range(200):
+        if not contacts:
+            return
+        wanted = Velocity(linear=-0.3 if "ahead" in contacts.sides else 0.3, angular=0.0)
+        contacts.moved(contacts.clamp(wanted).linear * 0.02)
+    raise AssertionError(contacts.sides)

@@ -1,0 +1,662 @@
+"""The kernel's rules, one sentence each; test_safety_properties.py throws everything at them at once."""
+
+import msgspec
+import pytest
+
+from robots.agent.safety.clock_sync import SERVER_PEER
+from robots.agent.safety.estop_latch import Latch
+from robots.agent.safety.permissions import Sender
+from robots.agent.safety.ramp import ZERO
+from robots.api import messages as m
+from tests.support.kernel_bench import DRIVER_CLOCK, LIMITS, TICK, Bench
+
+
+@pytest.fixture
+def bench():
+    bench = Bench()
+    bench.lease()
+    bench.know_clock()
+    return bench
+
+
+def test_a_command_of_the_driver_moves_the_robot_on_arrival(bench):
+    assert bench.drive(0.5).reason is None
+    assert bench.speed > 0.0
+
+
+def test_speed_grows_by_the_acceleration_limit_whatever_the_rate_of_commands():
+    slow, fast = Bench(), Bench()
+    assert slow.at_speed(0.5) == pytest.approx(0.5)
+    for one, every in ((slow, 0.2), (fast, TICK)):
+        one.__init__()
+        one.lease()
+        one.know_clock()
+        one.drive(0.7)
+        one.run(1.0, every=every, linear=0.7)
+    assert slow.speed == pytest.approx(fast.speed, abs=0.02)
+    assert fast.speed == pytest.approx(0.4, abs=0.02)
+
+
+def test_reversing_brakes_first_and_then_accelerates(bench):
+    bench.run(2.0, every=0.06, linear=0.5)
+    bench.run(0.5, every=0.06, linear=-0.3)
+    assert -0.05 < bench.speed < 0.0
+    bench.run(2.0, every=0.06, linear=-9.0)
+    assert bench.speed == pytest.approx(-0.4)
+
+
+def test_a_command_without_a_lease_is_refused():
+    bench = Bench()
+    bench.know_clock()
+    assert bench.drive().reason == "no_lease"
+    assert bench.speed == 0.0
+
+
+def test_a_stored_copy_of_a_lease_never_permits_driving():
+    bench = Bench()
+    bench.lease(retained=True)
+    bench.know_clock()
+    assert bench.drive().reason == "no_lease"
+    assert bench.kernel.leases.announced(bench.now).session == "s1"
+
+
+def test_a_lease_ends_its_ttl_after_its_receipt(bench):
+    bench.run(10.5, every=0.1)
+    assert bench.drive().reason == "no_lease"
+    bench.run(1.0)
+    assert bench.speed == 0.0
+
+
+def test_a_renewal_goes_on_and_an_older_copy_does_not(bench):
+    bench.run(8.0)
+    assert not bench.lease(renewal=0)
+    assert bench.lease(renewal=1)
+    bench.run(8.0)
+    assert bench.drive().reason is None
+
+
+def test_a_lease_that_ends_between_two_commands_brakes_before_the_deadman_does(bench):
+    bench.run(2.0, every=0.06, linear=0.5)
+    bench.lease(epoch=2, ttl=0.1)
+    bench.drive(0.5, epoch=2)
+    bench.now += 0.11
+    assert bench.tick().why == "no_lease"
+
+
+def test_an_emptied_lease_brakes_at_once(bench):
+    bench.run(2.0, every=0.06, linear=0.5)
+    bench.kernel.take_lease(None, retained=False, now=bench.now)
+    bench.run(TICK)
+    assert bench.speed < 0.5
+    assert bench.drive().reason == "no_lease"
+
+
+def test_a_lower_epoch_comes_back_only_when_the_servers_counter_began_anew(bench):
+    bench.lease(epoch=7)
+    assert not bench.lease(epoch=2, renewal=9)
+    bench.run(11.0)
+    assert bench.lease(epoch=1, session="s9")
+
+
+@pytest.mark.parametrize(
+    ("fields", "reason"),
+    [
+        ({"session": "other"}, "wrong_session"),
+        ({"epoch": 2}, "wrong_epoch"),
+        ({"seq": 0}, "old_seq"),
+        ({"age": 0.26}, "stale"),
+        ({"age": -0.2}, "future"),
+        ({"frame_age": None}, "no_frame"),
+        ({"frame_age": 1.01}, "frame_stale"),
+        ({"frame_age": -0.5}, "frame_future"),
+        ({"sender": Sender("datachannel", "p2")}, "observer"),
+        ({"sender": Sender("mqtt", retained=True)}, "retained"),
+    ],
+)
+def test_a_bad_command_is_refused_with_its_reason_and_counted(bench, fields, reason):
+    bench.drive(0.0)
+    assert bench.drive(0.5, **({"seq": 1} if reason == "old_seq" else {}) | {k: v for k, v in fields.items() if k != "seq"}).reason == reason
+    assert bench.kernel.refused == {reason: 1}
+    assert bench.speed == 0.0
+
+
+def test_before_three_echoes_the_clock_is_unknown():
+    bench = Bench()
+    bench.lease()
+    bench.know_clock(echoes=2)
+    assert bench.drive().reason == "clock_unknown"
+    bench.know_clock(echoes=1)
+    assert bench.drive().reason is None
+
+
+def test_a_lease_may_lower_the_age_limit_but_never_above_the_ceiling(bench):
+    bench.lease(renewal=1, limits=m.LeaseLimits(command_age=0.1, frame_age=0.2))
+    assert bench.drive(age=0.12).reason == "stale"
+    assert bench.drive(frame_age=0.25).reason == "frame_stale"
+    bench.lease(renewal=2, limits=m.LeaseLimits(command_age=30.0, frame_age=30.0))
+    assert bench.drive(age=0.9).reason is None
+    assert bench.drive(age=1.05).reason == "stale"
+    assert bench.drive(frame_age=2.9).reason is None
+    assert bench.drive(frame_age=3.1).reason == "frame_stale"
+
+
+def test_video_is_asked_for_only_where_the_lease_requires_it(bench):
+    bench.lease(renewal=1, video="none")
+    assert bench.drive(frame_age=None).reason is None
+
+
+def test_the_speed_cap_falls_linearly_between_half_and_full_age(bench):
+    # A rotation, because it reaches its cap soonest.
+    for age, share in ((0.1, 1.0), (0.1875, 0.5), (0.2375, 0.1)):
+        bench.run(1.5, every=0.06, linear=0.0, angular=9.0, age=age)
+        assert bench.kernel.commanded.angular == pytest.approx(0.9 * share, abs=0.01)
+
+
+def test_an_old_frame_lowers_the_cap_as_an_old_command_does(bench):
+    bench.run(1.5, every=0.06, linear=0.0, angular=9.0, frame_age=0.75)
+    assert bench.kernel.commanded.angular == pytest.approx(0.45, abs=0.01)
+
+
+def test_the_smallest_of_robot_lease_and_assistance_counts(bench):
+    bench.lease(renewal=1, limits=m.LeaseLimits(linear=0.3, angular=5.0))
+    bench.run(3.0, every=0.06, linear=9.0, angular=9.0)
+    assert bench.speed == pytest.approx(0.3)
+    assert bench.kernel.commanded.angular == pytest.approx(0.9)
+    bench.kernel.assist.level, bench.kernel.assist.clearance = "slow", 0.0
+    bench.run(1.0, every=0.06, linear=9.0)
+    assert bench.speed == pytest.approx(0.1)
+
+
+def test_a_lease_that_lowers_a_limit_slows_a_robot_that_is_driving(bench):
+    bench.run(2.0, every=0.06, linear=0.5)
+    bench.drive(0.5)
+    bench.lease(renewal=1, limits=m.LeaseLimits(linear=0.2))
+    assert bench.run(0.28) == pytest.approx(0.2)
+
+
+def test_three_hundred_milliseconds_of_silence_brake_with_the_braking_limit(bench):
+    bench.run(2.0, every=0.06, linear=0.5)
+    bench.drive(0.5)
+    begun = bench.now
+    bench.run(0.28)
+    assert bench.speed == pytest.approx(0.5)
+    bench.now = begun + 0.3
+    assert bench.tick().why == "deadman"
+    assert bench.speed < 0.5
+    bench.run(0.5 / 1.2 + TICK)
+    assert bench.speed == 0.0
+
+
+def test_the_deadline_names_the_moment_of_the_deadman_and_then_nothing(bench):
+    bench.drive(0.5)
+    assert bench.kernel.deadline() == pytest.approx(bench.now + 0.3)
+    bench.run(0.4)
+    assert bench.kernel.deadline() is None
+
+
+def test_a_driver_who_was_never_heard_is_not_taken_for_one_who_is_there(bench):
+    bench.run(0.2)
+    bench.kernel.heard("p1", "datachannel", bench.now)
+    assert bench.kernel.visitor_silence(bench.now) == 0.0
+    bench.lease(session="s2", epoch=2, peer="p2")
+    assert bench.kernel.visitor_silence(bench.now) is None
+    bench.kernel.heard("p1", "datachannel", bench.now)
+    assert bench.kernel.visitor_silence(bench.now) is None, "nobody else's word counts"
+    bench.kernel.heard("p2", "datachannel", bench.now)
+    assert bench.kernel.visitor_silence(bench.now + 0.5) == pytest.approx(0.5)
+
+
+def test_idle_is_silence_once_the_robot_was_measured_to_stand(bench):
+    bench.run(0.5, every=0.06)
+    bench.run(1.5)
+    tail = [decision.velocity for _, decision in bench.outputs[-80:]]
+    zeros = [v for v in tail if v == ZERO]
+    assert 15 <= len(zeros) <= 18
+    assert tail[-1] is None
+
+
+def test_after_a_loop_that_was_blocked_the_robot_is_not_started_again(bench):
+    bench.run(2.0, every=0.06, linear=0.5)
+    bench.now += 2.0
+    bench.tick()
+    assert bench.speed == 0.0
+
+
+def test_the_drivers_stop_kills_every_lower_number_and_lets_the_next_command_drive(bench):
+    bench.run(2.0, every=0.06, linear=0.5)
+    bench.stop(seq=bench.seq + 3, session="s1", epoch=1)
+    assert bench.run(TICK) < 0.5
+    assert bench.kernel.stop_seq == bench.seq + 3
+    assert bench.kernel.stop_id == "stop-1"
+    for _ in range(3):
+        assert bench.drive(0.5).reason == "old_seq"
+    assert bench.drive(0.5).reason is None
+
+
+def test_a_repeated_stop_is_one_stop(bench):
+    number = bench.seq + 1
+    assert bench.stop(seq=number, session="s1", epoch=1)
+    assert not bench.stop(seq=number, session="s1", epoch=1)
+    bench.seq = number
+    assert bench.drive(0.5).reason is None
+    assert not bench.stop(seq=number, session="s1", epoch=1)
+    assert bench.run(0.1) > 0.0
+
+
+@pytest.mark.parametrize(
+    "how", [{"peer": "p2"}, {"peer": "p1", "epoch": 9, "session": "s1"}, {"way": "mqtt", "role": "staff"}, {"way": "mqtt", "role": "observer"}]
+)
+def test_somebody_elses_stop_holds_the_robot_until_the_driver_lets_go(bench, how):
+    bench.run(2.0, every=0.06, linear=0.5)
+    bench.stop(**how)
+    bench.run(2.0, every=0.06, linear=0.5)
+    assert bench.speed == 0.0
+    assert bench.kernel.inhibited(bench.now) == "stopped"
+    assert bench.drive(0.0).reason is None
+    assert bench.drive(0.5).reason is None
+
+
+def test_a_second_without_commands_also_lets_go_of_a_hold_while_the_driver_is_heard(bench):
+    bench.stop(peer="p2")
+    bench.run(1.5, beats="datachannel")
+    assert bench.drive(0.5).reason is None
+
+
+@pytest.mark.parametrize("beats", [None, "mqtt"], ids=["nothing", "only the other transport"])
+def test_a_network_that_is_silent_lets_go_of_nothing(bench, beats):
+    bench.run(2.0, every=0.06, linear=0.5)
+    bench.stop(way="mqtt", role="staff")
+    bench.run(0.5, every=0.06, linear=0.5)  # the key is still held
+    bench.run(5.0, beats=beats)
+    for _ in range(20):
+        assert bench.drive(0.5).reason == "stopped"
+    assert bench.speed == 0.0
+
+
+def test_heartbeats_that_come_in_one_burst_are_no_second_of_silence(bench):
+    bench.drive(0.5)
+    bench.stop(way="mqtt", role="staff")
+    bench.run(3.0)
+    for _ in range(20):
+        bench.kernel.heard("p1", "datachannel", bench.now)
+    assert bench.drive(0.5).reason == "stopped"
+
+
+@pytest.mark.parametrize("cause", ["estop", "fault"])
+def test_a_gap_of_the_network_after_an_estop_or_a_fault_does_not_let_go_either(bench, cause):
+    bench.run(2.0, every=0.06, linear=0.5)
+    if cause == "estop":
+        bench.estop(role="staff", user="ops")
+        bench.kernel.clear_estop(bench.now)
+    else:
+        bench.kernel.set_fault("adapter_lost")
+        bench.kernel.clear_fault(bench.now)
+    bench.run(1.05)
+    assert bench.drive(0.5).reason == "stopped"
+
+
+def test_the_next_driver_is_not_held_by_what_stopped_the_last(bench):
+    bench.drive(0.5)
+    bench.stop(way="mqtt", role="staff")
+    bench.lease(session="s2", epoch=2)
+    assert bench.drive(0.5, session="s2", epoch=2).reason is None
+
+
+def test_a_driver_whose_agent_began_anew_under_a_held_key_lets_go_first():
+    bench = Bench()
+    bench.kernel.set_fault("adapter_lost")
+    bench.kernel.clear_fault(bench.now)
+    bench.run(3.0)
+    bench.lease(renewal=7)
+    bench.know_clock()
+    assert bench.drive(0.5).reason == "stopped"
+    assert bench.drive(0.0).reason is None
+    assert bench.drive(0.5).reason is None
+
+
+def test_what_stopped_a_robot_that_nobody_drives_does_not_keep_it_from_going_home(bench):
+    bench.stop(way="mqtt", role="staff")
+    bench.kernel.take_lease(None, retained=False, now=bench.now)
+    bench.run(1.1)
+    assert bench.ask(m.Dock(action_id="home", stamp=bench.unix, role="server")) is None
+
+
+def test_a_lowered_limit_holds_at_once_though_the_lease_was_not_renewed(bench):
+    bench.run(2.0, every=0.06, linear=0.7)
+    assert bench.lease(limits=m.LeaseLimits(linear=0.2))
+    bench.run(1.0, every=0.06, linear=0.7)
+    assert bench.speed == pytest.approx(0.2)
+    assert not bench.lease(limits=m.LeaseLimits(linear=0.6)), "a repetition raises nothing"
+    bench.run(8.0)
+    bench.lease(limits=m.LeaseLimits(linear=0.1))
+    bench.run(2.1)
+    assert bench.drive().reason == "no_lease", "and prolongs nothing"
+
+
+def test_after_the_servers_counter_began_anew_copies_from_before_a_stop_stay_dead(bench):
+    for epoch in range(10, 30):  # sixteen sessions and more
+        bench.lease(session=f"s{epoch}", epoch=epoch)
+        bench.drive(0.0, session=f"s{epoch}", epoch=epoch)
+    bench.run(11.0)
+    bench.lease(session="anew", epoch=1)
+    bench.know_clock()
+    before = [bench.command(0.5, session="anew", epoch=1) for _ in range(5)]
+    bench.stop(session="anew", epoch=1, seq=bench.seq + 1)
+    for copy in before:
+        assert bench.kernel.velocity(copy, Sender("datachannel", "p1"), now=bench.now, unix=bench.unix).reason == "old_seq"
+
+
+def test_an_estop_with_the_id_of_a_stop_latches(bench):
+    bench.stop(action_id="the-same", peer="p2")
+    assert bench.estop(action_id="the-same", role="staff", user="Eve")
+    assert bench.kernel.latch is not None
+
+
+@pytest.mark.parametrize(("deadman", "watchdog"), [(1000.0, 2000.0), (0.3, 1e6), (0.3, 0.2), (0.3, float("nan"))])
+def test_a_kernel_that_nobody_would_stop_in_time_is_not_made(deadman, watchdog):
+    with pytest.raises(ValueError, match=r"too long|shorter"):
+        Bench(limits=msgspec.structs.replace(LIMITS, deadman=deadman), watchdog=watchdog)
+
+
+def test_an_observers_stop_kills_no_number_of_the_driver(bench):
+    bench.stop(peer="p2", seq=10**9, session="s1", epoch=1)
+    assert bench.drive(0.0).reason is None
+
+
+def test_a_robot_of_which_nothing_is_heard_is_not_said_to_run_on(bench):
+    bench.drive(0.5)
+    bench.kernel.measured(ZERO, bench.now)
+    bench.stop()
+    for _ in range(200):
+        bench.now += 0.02
+        bench.kernel.tick(bench.now)
+        assert not bench.kernel.runs_on(bench.now)
+    bench.kernel.measured(m.Velocity(linear=0.3, angular=0.0), bench.now)
+    assert bench.kernel.runs_on(bench.now)
+
+
+def test_a_stop_presses_zeros_on_a_base_that_somebody_else_moves():
+    bench = Bench()
+    bench.stop()
+    bench.run(0.2)
+    assert all(decision.velocity == ZERO for _, decision in bench.outputs)
+    bench.run(0.5)
+    assert bench.outputs[-1][1].velocity is None
+
+
+def test_an_estop_latches_with_its_source_until_staff_clears_it(bench):
+    bench.run(2.0, every=0.06, linear=0.5)
+    bench.estop(role="staff", user="Eve")
+    assert bench.kernel.latch.label == "staff:Eve"
+    bench.run(5.0, every=0.06, linear=0.5)
+    assert bench.speed == 0.0
+    assert bench.kernel.refused["estop"] > 0
+    clear = m.ClearEStop(action_id="c1", stamp=bench.unix, role="staff", user="ops")
+    assert bench.ask(clear) is None
+    bench.kernel.clear_estop(bench.now)
+    assert bench.drive(0.5).reason == "stopped", "a key held down must not move a robot whose e-stop is cleared"
+    assert bench.drive(0.0).reason is None
+    assert bench.drive(0.5).reason is None
+
+
+def test_an_estop_that_was_held_when_the_agent_ended_is_held_when_it_begins():
+    bench = Bench(latch=Latch("driver", 0.0))
+    bench.lease()
+    bench.know_clock()
+    assert bench.drive().reason == "estop"
+
+
+@pytest.mark.parametrize("way", ["datachannel", "mqtt"])
+def test_what_the_robots_screen_has_stopped_on_either_way_the_screen_lets_go(bench, way):
+    stop = m.EStop(action_id="e1", stamp=bench.unix, role="screen" if way == "mqtt" else "observer", user="Giraff")
+    bench.kernel.estop(stop, Sender(way, "s1" if way == "datachannel" else None, role="screen"), now=bench.now, unix=bench.unix)
+    assert bench.kernel.latch.source == "screen"
+    assert bench.ask(m.ClearEStop(action_id="c1", stamp=bench.unix, role="screen", user="Giraff")) is None
+
+
+@pytest.mark.parametrize(
+    ("fields", "way", "reason"),
+    [
+        ({"role": "driver", "user": "Ada", "session": "s1", "epoch": 1}, "mqtt", "role"),
+        ({"role": "observer", "user": "Ada"}, "mqtt", "observer"),
+        ({"role": "server", "user": "manager"}, "mqtt", "role"),
+        ({"role": "staff", "user": ""}, "mqtt", "not_from_server"),
+        ({"role": "owner", "user": "Ada"}, "datachannel", "not_from_server"),
+    ],
+)
+def test_an_estop_is_not_cleared_by_just_anybody(bench, fields, way, reason):
+    bench.estop()
+    action = m.ClearEStop(action_id="c1", stamp=bench.unix, **fields)
+    assert bench.ask(action, way=way, peer="p1") == reason
+    assert bench.kernel.latch
+
+
+def test_the_robots_own_button_is_cleared_by_its_owner_once_it_is_released(bench):
+    bench.kernel.button(pressed=True, now=bench.now, unix=bench.unix)
+    assert bench.kernel.latch.source == "button"
+    owner = m.ClearEStop(action_id="c1", stamp=bench.unix, role="owner", user="Ada")
+    staff = m.ClearEStop(action_id="c2", stamp=bench.unix, role="staff", user="ops")
+    assert bench.ask(owner) == "button_pressed"
+    bench.kernel.button(pressed=False, now=bench.now, unix=bench.unix)
+    assert bench.ask(staff) == "owner_only"
+    assert bench.ask(owner) is None
+
+
+def test_the_button_overrules_an_estop_that_anybody_may_have_pressed(bench):
+    bench.estop()
+    bench.kernel.button(pressed=True, now=bench.now, unix=bench.unix)
+    bench.estop(action_id="estop-2")
+    assert bench.kernel.latch.source == "button"
+
+
+def test_under_an_estop_a_base_that_moves_is_told_zero_again(bench):
+    bench.estop()
+    bench.run(1.0)
+    assert bench.tick().velocity is None
+    bench.motion = m.Velocity(linear=0.2, angular=0.0)
+    bench.run(60.0)
+    assert bench.tick().velocity == ZERO
+
+
+def goto(bench, **fields):
+    return m.Goto(**{"action_id": "g1", "stamp": bench.unix + 37.25, "session": "s1", "epoch": 1, "x": 1.0, "y": 2.0} | fields)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({}, None),
+        ({"stamp": 0.0}, "stale"),
+        ({"session": "old"}, "wrong_session"),
+        ({"epoch": 0}, "wrong_epoch"),
+        ({"role": "observer"}, "observer"),
+        ({"role": "screen"}, "observer"),
+        ({"role": "staff"}, "role"),
+    ],
+)
+def test_an_action_needs_the_lease_and_the_right_role(bench, change, reason):
+    assert bench.ask(goto(bench, **change)) == reason
+
+
+def test_an_action_on_a_data_channel_is_judged_by_its_peer_not_by_its_words(bench):
+    assert bench.ask(goto(bench, role="owner", user="Eve"), way="datachannel", peer="p2") == "observer"
+    assert bench.ask(goto(bench, role="observer"), way="datachannel", peer="p1") is None
+
+
+def test_an_action_that_the_broker_had_stored_is_refused(bench):
+    assert bench.ask(goto(bench), retained=True) == "retained"
+
+
+def test_an_action_from_the_future_is_refused(bench):
+    assert bench.ask(goto(bench, stamp=bench.unix + 100.0)) == "future"
+
+
+@pytest.mark.parametrize("kind", [m.Photo, m.Relocalize, m.ResendStates, m.Cancel])
+def test_staff_needs_no_lease_for_what_moves_nothing(kind):
+    bench = Bench()
+    extra = {"boot": "b", "first": 0, "last": 1} if kind is m.ResendStates else {}
+    assert bench.ask(kind(action_id="a1", stamp=bench.unix, role="staff", **extra)) is None
+    assert bench.ask(kind(action_id="a1", stamp=bench.unix, role="driver", session="s1", **extra)) is not None
+
+
+def test_the_servers_clock_counts_once_it_is_known(bench):
+    bench.know_clock(SERVER_PEER, offset=-500.0)
+    photo = m.Photo(action_id="a1", stamp=bench.unix, role="staff")
+    assert bench.ask(photo) == "future"
+    assert bench.ask(m.Photo(action_id="a1", stamp=bench.unix - 500.0, role="staff")) is None
+
+
+def test_what_the_robot_cannot_do_is_refused():
+    bench = Bench()
+    bench.kernel.capabilities = frozenset({"velocity"})
+    bench.lease()
+    bench.know_clock()
+    assert bench.ask(goto(bench)) == "unsupported"
+
+
+def test_nothing_moves_by_itself_under_an_estop_a_stop_or_a_fault(bench):
+    bench.stop(peer="p2")
+    assert bench.ask(goto(bench)) == "stopped"
+    bench.estop()
+    assert bench.ask(goto(bench)) == "estop"
+
+
+def test_manual_input_cancels_navigation_and_a_zero_does_not(bench):
+    bench.kernel.navigate("g1", "goto", ordered_by_server=False, now=bench.now)
+    assert bench.drive(0.0).reason == "navigating"
+    assert bench.tick().velocity is None, "a planner is never fought with zeros"
+    assert bench.drive(0.3).reason is None
+    assert bench.kernel.drain_cancelled() == [("g1", "manual")]
+
+
+def test_what_the_agents_own_navigation_wants_is_ramped_and_kept_within_lease_and_robot(bench):
+    bench.run(2.0)
+    bench.lease(renewal=1, limits=m.LeaseLimits(linear=0.2, angular=0.3))
+    bench.kernel.navigate("g1", "goto", ordered_by_server=False, now=bench.now)
+    bench.wanted = m.Velocity(linear=2.0, angular=-5.0)
+    decision = bench.tick()
+    assert decision.why == "navigating"
+    assert 0.0 < decision.velocity.linear <= LIMITS.linear_acceleration * 0.04
+    bench.run(1.5)
+    assert bench.kernel.commanded == m.Velocity(linear=0.2, angular=-0.3)
+    bench.wanted = m.Velocity(linear=0.0, angular=0.0)
+    bench.kernel.heard("p1", "datachannel", bench.now)
+    bench.run(1.0)
+    assert bench.tick().velocity == m.Velocity(linear=0.0, angular=0.0), "zeros go on: they hold the robot in its place"
+
+
+def test_the_agents_own_navigation_brakes_at_its_end_and_at_a_stop(bench):
+    for end in (lambda: bench.kernel.cancel(None), lambda: bench.kernel.navigation_ended("g1"), lambda: bench.stop(peer="p2")):
+        bench.wanted = m.Velocity(linear=0.6, angular=0.0)
+        bench.kernel.navigate("g1", "goto", ordered_by_server=True, now=bench.now)
+        bench.run(2.0)
+        assert bench.speed == pytest.approx(0.6)
+        end()
+        before = bench.speed
+        bench.run(0.1)
+        assert bench.speed < before
+        bench.run(1.0)
+        assert bench.kernel.commanded == m.Velocity(linear=0.0, angular=0.0)
+        bench.run(0.5)
+        assert bench.tick().velocity is None
+
+
+def test_a_robot_that_assists_by_itself_is_not_slowed_down_twice():
+    bench = Bench(capabilities=frozenset({"velocity", "assist"}))
+    bench.kernel.assist.level, bench.kernel.assist.clearance = "slow", 0.06
+    assert bench.at_speed(0.6) == pytest.approx(0.6)
+
+
+def test_navigation_stops_two_seconds_after_the_drivers_last_heartbeat(bench):
+    bench.kernel.navigate("g1", "goto", ordered_by_server=False, now=bench.now)
+    bench.run(1.5)
+    bench.kernel.heard("p1", "datachannel", bench.now)
+    bench.run(1.9)
+    assert bench.kernel.navigation
+    bench.kernel.heard("p2", "datachannel", bench.now)
+    bench.run(0.2)
+    assert bench.kernel.drain_cancelled() == [("g1", "heartbeat_lost")]
+
+
+def test_a_return_to_the_dock_that_the_server_ordered_goes_on_without_anybody(bench):
+    order = m.Dock(action_id="d1", stamp=bench.unix, role="server")
+    assert bench.ask(order) is None
+    bench.kernel.navigate("d1", "docking", ordered_by_server=True, now=bench.now)
+    bench.kernel.take_lease(None, retained=False, now=bench.now)
+    bench.run(20.0)
+    assert bench.kernel.navigation
+    bench.stop(peer="p2")
+    assert bench.kernel.drain_cancelled() == [("d1", "stopped")]
+
+
+@pytest.mark.parametrize("order", [m.Tilt, m.Relocalize, m.Photo, m.Dock])
+def test_what_the_server_orders_between_two_visits_needs_no_lease(bench, order):
+    assert bench.ask(order(action_id="home-1", stamp=bench.unix, role="server", **({"angle": 0.2} if order is m.Tilt else {}))) is None
+
+
+def test_navigation_ends_with_the_lease(bench):
+    bench.kernel.navigate("g1", "goto", ordered_by_server=False, now=bench.now)
+    bench.kernel.take_lease(None, retained=False, now=bench.now)
+    bench.tick()
+    assert bench.kernel.drain_cancelled() == [("g1", "lease_changed")]
+
+
+def test_a_robot_that_came_back_waits_until_the_key_is_let_go(bench):
+    bench.kernel.set_fault("adapter_lost")
+    assert bench.drive(0.5).reason == "fault"
+    bench.kernel.clear_fault(bench.now)
+    assert bench.drive(0.5).reason == "stopped"
+    assert bench.drive(0.0).reason is None
+    assert bench.drive(0.5).reason is None
+
+
+def test_a_new_driver_starts_from_a_standing_robot(bench):
+    bench.run(2.0, every=0.06, linear=0.5)
+    bench.lease(session="s2", epoch=2, peer="p2")
+    bench.run(1.0)
+    assert bench.speed == 0.0
+    assert bench.drive(0.5).reason == "observer"
+
+
+# --- the terms of a lease ---------------------------------------------------------------------------------------------
+
+
+def test_an_input_method_that_the_lease_does_not_allow_moves_nothing(bench):
+    bench.lease(renewal=1, methods=("touch",))
+    bench.know_clock()
+    assert bench.drive(method="keyboard").reason == "not_allowed"
+    assert bench.run(1.0, every=0.06, method="keyboard") == 0.0
+    assert bench.drive(method="touch").reason is None
+    assert bench.run(1.0, every=0.06, method="touch") > 0.1
+
+
+def test_a_way_that_the_lease_does_not_allow_moves_nothing(bench):
+    bench.lease(renewal=1, ways=("mqtt",))
+    bench.know_clock()
+    assert bench.drive(sender=Sender("datachannel", "p1")).reason == "not_allowed"
+    assert bench.drive(sender=Sender("mqtt")).reason is None
+
+
+def test_no_input_method_at_all_means_that_nothing_is_driven_by_hand(bench):
+    bench.lease(renewal=1, methods=())
+    bench.know_clock()
+    assert {bench.drive(method=method).reason for method in ("keyboard", "mouse", "touch", "stick", "gamepad", "map", "script")} == {"not_allowed"}
+
+
+def test_an_action_that_the_lease_does_not_allow_is_refused_but_nobody_is_kept_from_stopping(bench):
+    bench.lease(renewal=1, actions=("photo",))
+    bench.know_clock()
+    driver = {"session": "s1", "epoch": 1, "stamp": bench.unix + DRIVER_CLOCK}
+    ask = {"sender": Sender("datachannel", "p1"), "now": bench.now, "unix": bench.unix}
+    assert bench.kernel.permit(m.Goto(action_id="a1", x=1.0, y=1.0, **driver), **ask) == "not_allowed"
+    assert bench.kernel.permit(m.Dock(action_id="a2", **driver), **ask) == "not_allowed"
+    assert bench.kernel.permit(m.Photo(action_id="a3", **driver), **ask) is None
+    assert bench.kernel.permit(m.Cancel(action_id="a4", **driver), **ask) is None
+    assert bench.kernel.stop(m.Stop(action_id="a5", **driver), Sender("datachannel", "p1"), bench.now)
+    assert bench.kernel.estop(m.EStop(action_id="a6", **driver), Sender("datachannel", "p1"), now=bench.now, unix=bench.unix)
+
+
+def test_the_server_sends_a_robot_home_whatever_a_lease_allows(bench):
+    bench.lease(renewal=1, actions=(), ways=("datachannel",))
+    home = m.Dock(action_id="home-1", stamp=bench.unix, role="server", user="session-manager")
+    assert bench.kernel.permit(home, Sender("mqtt"), now=bench.now, unix=bench.unix) is None

@@ -1,0 +1,243 @@
+"""What each kind of sensor tells the collision monitor, what its loss means, and where nothing looks."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robots.agent.control.state_validation import UnsoundReadingError, sound
+from robots.agent.localization.odometry import Track
+from robots.agent.navigation.assistance.swept import hull, outside
+from robots.agent.robot_interface import NOWHERE, UNKNOWN_BATTERY, DepthCamera, ObstaclePoints, RcaState, Sonar, SonarEcho
+from robots.agent.safety.collision_monitor import CREEP, CollisionMonitor
+from robots.agent.safety.obstacle_sources import BumperSource, DepthSource, LaserSource, SonarSource, sources_of
+from robots.agent.safety.ramp import ZERO
+from robots.api.geometry import Pose2D
+from robots.api.messages import Laser, Scan, Velocity
+from tests.support.kernel_bench import LIMITS
+from tests.support.scripted_robot import PROFILE
+
+FOOTPRINT = ((0.3, -0.25), (0.3, 0.25), (-0.3, 0.25), (-0.3, -0.25))
+ORIGIN = Pose2D(0.0, 0.0, 0.0)
+AHEAD, BACK = Velocity(linear=0.5, angular=0.0), Velocity(linear=-0.3, angular=0.0)
+FRONT = Sonar(0.3, 0.0, 0.0, width=0.5, nearest=0.05)
+REAR = Sonar(-0.3, 0.0, math.pi, width=0.5, nearest=0.05)
+
+
+def reading(stamp=1.0, odometry=ORIGIN, **fields):
+    return RcaState(stamp=stamp, pose=NOWHERE, velocity=ZERO, battery=UNKNOWN_BATTERY, odometry=odometry, **fields)
+
+
+def monitor(*sources):
+    return CollisionMonitor(FOOTPRINT, LIMITS, sources)
+
+
+def echoes(*distances, stamp=1.0):
+    return tuple(SonarEcho(index, stamp, distance) for index, distance in enumerate(distances))
+
+
+class Ear:
+    """A sonar source and the robot's track."""
+
+    def __init__(self, *sonars):
+        self.source, self.track, self.stamp = SonarSource(sonars), Track(), 0.0
+
+    def hear(self, *distances, at=ORIGIN):
+        self.stamp += 0.5
+        here = self.track.add(self.stamp, at)
+        self.source.sense(reading(self.stamp, sonar=echoes(*distances, stamp=self.stamp)), self.track, self.stamp)
+        return self.source.seen(here, 3.0)
+
+
+# --- which there are -----------------------------------------------------------------------------------------------------
+
+
+def test_each_sensor_that_a_profile_names_is_a_source_of_its_own():
+    def kinds(**fields):
+        return [type(source).__name__ for source in sources_of(replace(PROFILE, **fields))]
+
+    assert kinds() == []
+    assert kinds(laser=Laser(x=0.0)) == ["LaserSource"]
+    assert kinds(sonars=(FRONT,), bumper=True) == ["SonarSource", "BumperSource"]
+    assert kinds(depth=DepthCamera(), laser=Laser(x=0.0)) == ["LaserSource", "DepthSource"]
+
+
+# --- sonar ---------------------------------------------------------------------------------------------------------------
+
+
+def test_an_echo_may_come_from_anywhere_on_its_arc():
+    arc = Ear(FRONT).hear(1.0)
+    assert np.hypot(arc[:, 0] - 0.3, arc[:, 1]) == pytest.approx(np.ones(len(arc)))
+    assert np.abs(np.arctan2(arc[:, 1], arc[:, 0] - 0.3)).max() == pytest.approx(0.25)
+    assert np.diff(arc[:, 1]).max() <= SonarSource.SPACING
+
+
+def test_what_is_too_near_to_be_measured_is_taken_to_be_half_so_near_so_that_a_robot_can_get_away_from_it():
+    assert np.allclose(np.hypot(*(Ear(FRONT).hear(0.05) - (0.3, 0.0)).T), 0.025)
+
+
+def test_one_echo_that_is_lost_takes_nothing_away_and_two_do():
+    ear = Ear(FRONT)
+    ear.hear(0.6)
+    assert len(ear.hear(None))
+    assert len(ear.hear(None)) == 0
+
+
+def test_what_has_come_between_two_cones_is_still_known():
+    ear = Ear(FRONT)
+    ear.hear(0.5)
+    kept = ear.hear(2.0, at=Pose2D(0.3, 0.0, 1.2))
+    assert any(math.hypot(x, y) < 0.6 for x, y in kept)
+
+
+def test_what_was_heard_long_ago_is_forgotten_by_the_way_driven_and_not_by_time():
+    ear = Ear(FRONT)
+    ear.hear(0.6)
+    ear.stamp += 3600.0
+    assert len(ear.hear(0.6))
+    for step in range(1, 13):
+        ear.hear(0.6, at=Pose2D(0.0, 0.2 * step, math.pi / 2))
+    assert all(seen[2] > 0.2 for seen in ear.source._points)
+
+
+def test_an_echo_of_a_sonar_that_the_profile_does_not_name_is_ignored():
+    assert len(Ear(FRONT).hear(None, 0.5)) == 0
+
+
+# --- collision monitoring by sonar and bumper ----------------------------------------------------------------------------
+
+
+def test_a_driver_is_stopped_before_what_a_sonar_hears():
+    watch = monitor(SonarSource((FRONT, REAR)))
+    watch.sense(reading(sonar=echoes(0.12, None)), 1.0)
+    assert watch.shape(AHEAD, ZERO, "slow", 1.1).velocity.linear < 0.02
+    assert watch.why(1.1)[0] == "stop"
+    assert watch.shape(BACK, ZERO, "slow", 1.1).velocity == BACK
+
+
+def test_a_sonar_that_falls_silent_stops_the_driver_though_the_others_speak():
+    watch = monitor(SonarSource((FRONT, REAR)))
+    watch.sense(reading(sonar=echoes(None, None)), 1.0)
+    for step in range(1, 12):
+        watch.sense(reading(1.0 + step / 10, sonar=(SonarEcho(0, 1.0 + step / 10, None),)), 1.0 + step / 10)
+        why = watch.shape(AHEAD, AHEAD, "slow", 1.0 + step / 10).why
+        assert (why == "blind") == (step > 10), step
+
+
+def test_where_nothing_looks_a_driver_who_is_helped_creeps():
+    watch = monitor(SonarSource((FRONT,)))
+    watch.sense(reading(sonar=echoes(None)), 1.0)
+    assert watch.shape(AHEAD, AHEAD, "slow", 1.1).velocity == AHEAD
+    back = watch.shape(BACK, ZERO, "slow", 1.1)
+    assert (back.velocity.linear, back.why) == (-CREEP, "slow")
+
+
+def test_a_bumper_alone_lets_a_driver_creep():
+    watch = monitor(BumperSource(hull(FOOTPRINT)))
+    watch.sense(reading(bumper=()), 1.0)
+    for wanted in (AHEAD, BACK):
+        assert abs(watch.shape(wanted, ZERO, "slow", 1.1).velocity.linear) == CREEP
+
+
+def test_a_robot_whose_bumper_says_nothing_any_more_creeps_though_it_hears_nothing():
+    watch = monitor(SonarSource((FRONT, REAR)), BumperSource(hull(FOOTPRINT)))
+    watch.sense(reading(sonar=echoes(None, None), bumper=()), 1.0)
+    assert watch.shape(AHEAD, AHEAD, "slow", 1.1).velocity == AHEAD
+    watch.sense(reading(1.6, sonar=echoes(None, None, stamp=1.6)), 1.6)
+    told = watch.shape(AHEAD, AHEAD, "slow", 1.6)
+    assert told.velocity.linear == pytest.approx(CREEP)
+
+
+def test_nearer_than_a_sonar_can_measure_every_corner_creeps():
+    watch = monitor(SonarSource((FRONT, REAR, Sonar(0.0, 0.25, math.pi / 2, width=0.5, nearest=0.05))))
+    watch.sense(reading(sonar=echoes(None, None, 0.05)), 1.0)
+    told = watch.shape(Velocity(linear=0.5, angular=0.0), ZERO, "slow", 1.1).velocity
+    assert 0.0 < told.linear <= CREEP + 1e-9
+
+
+def test_a_bumper_remembers_what_was_touched_where_it_stood():
+    source, track = BumperSource(hull(FOOTPRINT)), Track()
+    track.add(1.0, ORIGIN)
+    source.sense(reading(bumper=(0.0,)), track, 1.0)
+    points = source.seen(ORIGIN, 1.0)
+    assert 0.0 < outside(hull(FOOTPRINT), points).min() < 0.02
+    assert source.seen(Pose2D(-0.2, 0.0, 0.0), 1.0)[:, 0].min() == pytest.approx(points[:, 0].min() + 0.2)
+    source.sense(reading(30.0, bumper=(0.0,)), track, 30.0)
+    assert len(source.seen(ORIGIN, 1.0)) == 0
+
+
+# --- depth points --------------------------------------------------------------------------------------------------------
+
+
+def test_depth_points_are_seen_where_they_are_and_an_empty_view_is_no_fault():
+    source, track = DepthSource(DepthCamera(x=0.2, width=1.2, farthest=3.0)), Track()
+    track.add(1.0, ORIGIN)
+    source.sense(reading(points=ObstaclePoints(1.0, np.array([[1.0, 0.1], [9.0, 0.0], [-1.0, 0.0]]))), track, 1.0)
+    near = source.seen(ORIGIN, 1.5)
+    assert near == pytest.approx(np.array([[1.0, 0.1]]), abs=0.01)
+    assert source.heard_at() == 1.0
+    for stamp in (1.1, 1.2, 1.3):
+        source.sense(reading(stamp, points=ObstaclePoints(stamp, np.zeros((0, 2)))), track, stamp)
+    assert source.heard_at() == 1.3
+    assert len(source.seen(ORIGIN, 4.0)) == 0, "the floor is free, and no wall stands at the end of its view"
+    assert source.looks(0.0)
+    assert not source.looks(math.pi)
+
+
+def test_what_was_close_before_a_depth_camera_and_has_gone_is_forgotten():
+    source, track = DepthSource(DepthCamera(x=0.2, width=1.2, farthest=3.0)), Track()
+    track.add(1.0, ORIGIN)
+    source.sense(reading(points=ObstaclePoints(1.0, np.array([[0.45, 0.0]]))), track, 1.0)
+    assert len(source.seen(ORIGIN, 1.0)) == 1
+    for tenth in range(11, 21):
+        source.sense(reading(tenth / 10, points=ObstaclePoints(tenth / 10, np.zeros((0, 2)))), track, tenth / 10)
+    assert len(source.seen(ORIGIN, 1.0)) == 0
+
+
+def test_navigation_goes_by_arcs_of_sonars_only_where_nothing_knows_better():
+    depth = reading(points=ObstaclePoints(1.0, np.array([[1.0, 0.1]])), sonar=echoes(0.6))
+    sonar, bumper = SonarSource((FRONT,)), BumperSource(hull(FOOTPRINT))
+    for sources, expected in (((sonar,), 0.9), ((sonar, bumper), 0.9), ((SonarSource((FRONT,)), DepthSource(DepthCamera())), 1.0)):
+        watch = monitor(*sources)
+        watch.sense(depth, 1.0)
+        assert watch.points()[:, 0].max() == pytest.approx(expected, abs=0.02)
+        assert watch.clearance() < 0.7
+
+
+def test_beside_a_laser_that_looks_through_a_glass_door_navigation_stops_by_the_sonar():
+    free = reading(scan=Scan(stamp=1.0, angle_min=-1.5, angle_increment=0.1, range_max=5.0, ranges=(4.0,) * 31), sonar=echoes(0.15))
+    watch = monitor(LaserSource(Laser(x=0.0)), SonarSource((FRONT,)))
+    watch.sense(free, 1.0)
+    assert np.hypot(*watch.points().T).min() == pytest.approx(0.45, abs=0.03)
+
+
+def test_a_depth_camera_that_falls_silent_stops_the_driver():
+    watch = monitor(DepthSource(DepthCamera()))
+    watch.sense(reading(points=ObstaclePoints(1.0, np.zeros((0, 2)))), 1.0)
+    assert watch.shape(AHEAD, AHEAD, "slow", 1.4).why == "free"
+    assert watch.shape(AHEAD, AHEAD, "slow", 1.6).why == "blind"
+
+
+# --- a robot without odometry --------------------------------------------------------------------------------------------
+
+
+def test_a_robot_that_gives_no_odometry_is_reckoned_by_its_velocity():
+    watch = monitor(SonarSource((FRONT, REAR)))
+    watch.sense(replace(reading(sonar=echoes(1.0, None)), odometry=None), 1.0)
+    for step in range(1, 51):
+        stamp = 1.0 + step / 50
+        watch.sense(replace(reading(stamp), odometry=None, velocity=Velocity(linear=0.5, angular=0.0)), stamp)
+    assert watch.clearance() == pytest.approx(0.45, abs=0.06)
+
+
+# --- what is no reading --------------------------------------------------------------------------------------------------
+
+
+def test_numbers_that_are_none_are_left_out_or_refused():
+    checked = sound(reading(sonar=echoes(1.0, math.nan, -1.0, None), points=ObstaclePoints(1.0, np.array([[1.0, math.nan], [1.0, 2.0]]))))
+    assert [echo.distance for echo in checked.sonar] == [1.0, None]
+    assert checked.points.points.tolist() == [[1.0, 2.0]]
+    for nonsense in ({"bumper": (math.nan,)}, {"points": ObstaclePoints(1.0, np.zeros(3))}):
+        with pytest.raises(UnsoundReadingError):
+            sound(reading(**nonsense))

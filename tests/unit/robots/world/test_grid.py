@@ -1,0 +1,112 @@
+"""map_server files, good and bad."""
+
+import io
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robots.world.grid import PNG, MapError, decode_grey, encode_png, load_grid, read_grey
+
+GOOD = {"image": "map.png", "resolution": "0.05", "origin": "[-1.0, -2.0, 0.0]", "negate": "0"}
+
+
+def write(folder: Path, picture: np.ndarray | None, **changes: str) -> Path:
+    if picture is not None:
+        (folder / "map.png").write_bytes(encode_png(picture))
+    lines = [f"{key}: {value}" for key, value in {**GOOD, **changes}.items() if value != "-"]
+    (folder / "map.yaml").write_text("\n".join(lines), encoding="utf-8")
+    return folder / "map.yaml"
+
+
+IMAGE = np.array([[0, 254, 205], [254, 254, 0]], dtype=np.uint8)
+
+
+def test_black_is_occupied_white_is_free_grey_is_neither(tmp_path: Path) -> None:
+    grid = load_grid(write(tmp_path, IMAGE))
+    assert grid.occupied().tolist() == [[True, False, False], [False, False, True]]
+    assert grid.free().tolist() == [[False, True, False], [True, True, False]]
+    assert grid.transform.to_world(0, 2) == pytest.approx((-1.0, -2.0))
+
+
+def test_negate_turns_black_into_free(tmp_path: Path) -> None:
+    grid = load_grid(write(tmp_path, IMAGE, negate="1"))
+    assert grid.free()[0, 0]
+    assert grid.occupied()[0, 1]
+
+
+def test_a_pgm_as_map_saver_writes_it_is_read(tmp_path: Path) -> None:
+    (tmp_path / "map.pgm").write_bytes(b"P5\n3 2\n255\n" + IMAGE.tobytes())
+    grid = load_grid(write(tmp_path, None, image="map.pgm"))
+    assert np.array_equal(grid.image, IMAGE)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"image": "gone.png"}, {"image": "-"}, {"resolution": "-"}, {"resolution": "0"}, {"resolution": "wide"}, {"resolution": ".nan"},
+        {"origin": "[0, 0]"}, {"origin": "[0, 0, north]"}, {"origin": "7"},
+    ],
+)  # fmt: skip
+def test_a_broken_file_is_refused_with_its_name(tmp_path: Path, changes: dict[str, str]) -> None:
+    with pytest.raises(MapError, match=str(tmp_path)):
+        load_grid(write(tmp_path, IMAGE, **changes))
+
+
+def test_a_file_that_is_no_map_is_refused(tmp_path: Path) -> None:
+    for text in ("- a list", "image: [", "", "\x00\x01"):
+        (tmp_path / "map.yaml").write_text(text, encoding="utf-8")
+        with pytest.raises(MapError):
+            load_grid(tmp_path / "map.yaml")
+    with pytest.raises(MapError):
+        load_grid(tmp_path / "nowhere.yaml")
+
+
+def test_an_image_that_is_none_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "map.png").write_bytes(b"not a picture at all")
+    with pytest.raises(MapError, match=r"map\.png"):
+        load_grid(write(tmp_path, None))
+
+
+def test_a_png_comes_back_as_it_was(tmp_path: Path) -> None:
+    image = np.random.default_rng(1).integers(0, 256, (37, 53), dtype=np.uint8)
+    (tmp_path / "x.png").write_bytes(encode_png(image))
+    assert np.array_equal(read_grey(tmp_path / "x.png"), image)
+
+
+def chunk(kind: bytes, content: bytes) -> bytes:
+    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+
+
+def png_of(width: int, height: int, data: bytes = b"", first: bytes = b"") -> bytes:
+    """Return a PNG that says it is so large; `first` are chunks in front of its header."""
+    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    return PNG + first + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(data)) + chunk(b"IEND", b"")
+
+
+@pytest.mark.parametrize("image", [png_of(16_000, 16_000), b"P5\n# a map\n20000 20000\n255\n", b"P2 9000 1 255\n"])
+def test_a_picture_that_says_it_is_too_large_is_never_unpacked(image: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("robots.world.grid.av.open", lambda *_: pytest.fail("it was opened"))
+    with pytest.raises(MapError, match="at most 8192"):
+        decode_grey(io.BytesIO(image), "the map")
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        png_of(16_000, 16_000, first=chunk(b"tEXt", b"size\0" + bytes(11))), PNG, b"P5\n#" + b"-" * 5000 + b"\n20000 20000\n255\n",
+        b"P5 1 00000000020000\n255\n", b"P6\n20000 20000\n255\n", b"BM" + struct.pack("<IIIIii", 54, 0, 54, 40, 20_000, 20_000) + bytes(28),
+    ],
+)  # fmt: skip
+def test_a_picture_that_does_not_say_how_large_it_is_is_never_unpacked(image: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("robots.world.grid.av.open", lambda *_: pytest.fail("it was opened"))
+    with pytest.raises(MapError, match="the map: cannot be read"):
+        decode_grey(io.BytesIO(image), "the map")
+
+
+def test_a_file_of_brackets_is_an_error_like_any_other(tmp_path: Path) -> None:
+    (tmp_path / "map.yaml").write_text("[" * 60_000)
+    with pytest.raises(MapError):
+        load_grid(tmp_path / "map.yaml")

@@ -1,0 +1,34 @@
+import math
+
+import numpy as np
+import pytest
+
+from robots.api.geometry import Pose2D
+from robots.world.sensing import CENTRE, Beams
+
+
+def sweep(ranges, mount=CENTRE):
+    return Beams(stamp=1.0, angle_min=-math.pi / 2, angle_increment=math.pi / 2, range_max=8.0, ranges=np.array(ranges), mount=mount)
+
+
+def test_points_lie_where_the_beams_ended_seen_from_the_robot():
+    points = sweep([1.0, 2.0, 3.0], Pose2D(0.2, 0.1, 0.0)).points()
+    assert points == pytest.approx(np.array([[0.2, -0.9], [2.2, 0.1], [0.2, 3.1]]))
+
+
+def test_a_turned_mount_turns_the_beams():
+    points = sweep([np.inf, 2.0, np.inf], Pose2D(0.0, 0.0, math.pi / 2)).points()
+    assert points == pytest.approx(np.array([[0.0, 2.0]]))
+
+
+@pytest.mark.parametrize("nonsense", [math.nan, -0.1, 8.01, math.inf, -math.inf])
+def test_what_no_laser_measures_counts_as_nothing(nonsense):
+    beams = sweep([1.0, nonsense, 1.0])
+    assert np.isinf(beams.ranges[1])
+    assert len(beams.points()) == 2
+
+
+def test_the_readings_it_was_made_of_are_not_touched():
+    ranges = np.array([np.nan, 1.0, 2.0])
+    sweep(ranges)
+    assert np.isnan(ranges[0])

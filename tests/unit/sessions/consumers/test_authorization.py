@@ -1,0 +1,430 @@
+"""The rules of a page's connection, without a connection."""
+
+import math
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robots.api import codec
+from robots.api import messages as m
+from sessions import protocol
+from sessions.consumers.authorization import Close, Deny, Halt, Publish, Report, Room, Verb
+from tests.support import words
+
+PEER, SESSION = "peer-1", "session-1"
+ICE = (m.IceServer(urls=("stun:stun.example.org",)),)
+LEASE = m.Lease(session=SESSION, epoch=7, peer=PEER, who="Ada", renewal=1, stamp=1.0)
+FORGED = {"session": "other", "epoch": 999}
+
+
+def driver(**options):
+    room = Room(PEER, "Ada", ice_servers=ICE, **options)
+    room.drive(SESSION, 7, PEER)
+    return room
+
+
+def observer(**options):
+    room = Room("peer-2", "Bob", ice_servers=ICE, **options)
+    room.observe()
+    return room
+
+
+def say(room, suffix, message, lease=LEASE, now=0.0):
+    return room.receive(codec.encode_frame(suffix, message), lease, now)
+
+
+def action(kind, **fields):
+    return kind(**{"action_id": "a1", "stamp": 1.0, **fields})
+
+
+DRIVERS_ACTIONS = [
+    action(m.Goto, x=1.0, y=2.0), action(m.Follow, points=((0.0, 0.0),)), action(m.Dock), action(m.Undock), action(m.Cancel), action(m.Tilt, angle=0.1),
+    action(m.Photo), action(m.Relocalize), action(m.Say, text="hello"), action(m.Call),
+]  # fmt: skip
+
+
+def test_a_drivers_velocity_carries_the_session_and_epoch_of_the_grant():
+    assert say(driver(), "command/velocity", words.velocity(seq=5, **FORGED)) == (
+        Publish("command/velocity", words.velocity(seq=5, session=SESSION, epoch=7), wanted=False),
+    )
+
+
+def test_a_heartbeat_carries_the_peer_that_the_server_made():
+    (effect,) = say(driver(), "command/heartbeat", m.CommandHeartbeat(n=1, stamp=1.0, peer="somebody-else"))
+    assert effect.message.peer == PEER
+
+
+@pytest.mark.parametrize("asked", DRIVERS_ACTIONS, ids=lambda asked: type(asked).__name__)
+def test_a_drivers_action_is_stamped_with_role_session_epoch_and_user(asked):
+    forged = msgspec.structs.replace(asked, role="owner", user="Mallory", **FORGED)
+    (effect,) = say(driver(), "command/action", forged)
+    assert effect == Publish("command/action", msgspec.structs.replace(asked, role="driver", user="Ada", session=SESSION, epoch=7))
+
+
+@pytest.mark.parametrize("asked", DRIVERS_ACTIONS, ids=lambda asked: type(asked).__name__)
+def test_an_observers_action_is_refused(asked):
+    assert say(observer(), "command/action", asked) == (Deny("command/action", "observer"),)
+
+
+def test_an_observers_velocity_and_heartbeat_are_refused():
+    assert say(observer(), "command/velocity", words.velocity(session=SESSION, epoch=7)) == (Deny("command/velocity", "observer"),)
+    assert say(observer(), "command/heartbeat", m.CommandHeartbeat(n=1, stamp=1.0, peer=PEER)) == (Deny("command/heartbeat", "observer"),)
+
+
+@pytest.mark.parametrize(
+    "lease",
+    [
+        None,
+        msgspec.structs.replace(LEASE, epoch=8),
+        msgspec.structs.replace(LEASE, session="other"),
+        msgspec.structs.replace(LEASE, peer="peer-9"),
+    ],
+    ids=["none", "a later epoch", "another session", "another page"],
+)
+def test_a_driver_without_the_lease_in_force_may_stop_and_nothing_else(lease):
+    room = driver()
+    assert say(room, "command/velocity", words.velocity(), lease) == (Deny("command/velocity", "not_driver"),)
+    assert say(room, "command/action", action(m.Goto, x=0.0, y=0.0), lease) == (Deny("command/action", "not_driver"),)
+    assert say(room, "signal", m.Offer(sdp="v=0"), lease) == (Deny("signal", "not_driver"),)
+    assert isinstance(say(room, "command/action", action(m.Stop), lease)[0], Halt)
+
+
+@pytest.mark.parametrize("kind", [m.Stop, m.EStop])
+@pytest.mark.parametrize("make", [driver, observer, lambda: Room("p", "Eve")], ids=["driver", "observer", "guest"])
+def test_stop_and_estop_pass_from_everybody_under_their_own_name(make, kind):
+    (effect,) = say(make(), "command/action", action(kind, role="owner", user="Mallory", **FORGED))
+    drives = make is driver
+    assert (effect.message.role, effect.message.user) == (("driver", "Ada") if drives else ("observer", make().who))
+    assert (effect.message.session, effect.message.epoch) == ((SESSION, 7) if drives else (None, 0))
+
+
+def test_the_number_of_a_stop_is_believed_from_the_driver_alone():
+    assert say(driver(), "command/action", action(m.Stop, seq=40))[0].message.seq == 40
+    assert say(observer(), "command/action", action(m.Stop, seq=40))[0].message.seq == 0
+
+
+def test_an_emergency_stop_is_cleared_by_operators_only_and_under_their_own_role():
+    assert say(driver(), "command/action", action(m.ClearEStop, role="owner", user="Ada")) == (Deny("command/action", "not_allowed"),)
+    assert say(observer(), "command/action", action(m.ClearEStop, role="staff", user="Ada")) == (Deny("command/action", "not_allowed"),)
+    for room in (driver(operator="staff"), observer(operator="owner")):
+        (effect,) = say(room, "command/action", action(m.ClearEStop, role="server", user="Mallory"))
+        assert (effect.message.role, effect.message.user) == (room.operator, room.who)
+
+
+@pytest.mark.parametrize("kind", [m.Photo, m.Relocalize, m.Cancel])
+def test_an_operator_needs_no_lease_for_what_a_role_allows(kind):
+    (effect,) = say(observer(operator="staff"), "command/action", action(kind, role="driver"))
+    assert (effect.message.role, effect.message.session, effect.message.epoch) == ("staff", None, 0)
+
+
+def test_an_operator_without_the_lease_does_not_drive():
+    assert say(observer(operator="owner"), "command/action", action(m.Goto, x=0.0, y=0.0)) == (Deny("command/action", "observer"),)
+
+
+def test_no_page_asks_for_states_again():
+    asked = action(m.ResendStates, boot="b", first=1, last=2, role="server")
+    assert say(driver(operator="owner"), "command/action", asked) == (Deny("command/action", "not_allowed"),)
+
+
+def test_a_drivers_offer_is_made_anew_by_the_server():
+    forged = m.Offer(sdp="v=0", role="screen", who="Mallory", ice_servers=(m.IceServer(urls=("turn:evil.example.org",)),), **FORGED)
+    assert say(driver(), "signal", forged) == (
+        Publish(f"signal/{PEER}", m.Offer(sdp="v=0", role="driver", session=SESSION, epoch=7, who="Ada", ice_servers=ICE)),
+    )
+
+
+def test_an_observers_offer_says_observer_whatever_the_page_says():
+    (effect,) = say(observer(), "signal", m.Offer(sdp="v=0", role="driver", session=SESSION, epoch=7))
+    assert effect == Publish("signal/peer-2", m.Offer(sdp="v=0", role="observer", who="Bob", ice_servers=ICE))
+
+
+def test_who_neither_drives_nor_watches_signals_nothing():
+    assert say(Room("p", "Eve"), "signal", m.Offer(sdp="v=0")) == (Deny("signal", "no_role"),)
+
+
+def test_who_waits_may_watch_meanwhile_and_drives_as_nobody():
+    room = Room("peer-3", "Cid")
+    room.wait("session-3")
+    room.observe()
+    (effect,) = say(room, "signal", m.Offer(sdp="v=0", role="driver"))
+    assert effect.message.role == "observer"
+    assert say(room, "command/velocity", words.velocity()) == (Deny("command/velocity", "observer"),)
+
+
+def test_a_granted_page_no_longer_watches():
+    room = observer()
+    room.drive(SESSION, 7, PEER)
+    assert not room.watches
+    assert room.holds(LEASE)
+
+
+@pytest.mark.parametrize(
+    "suffix", ["lease", "config", "floorplan", "state", "connection", "signal/peer-9", "signal/peer-9/reply", "hello", "", "command/velocity/x"]
+)
+def test_a_page_uses_no_suffix_but_its_own(suffix):
+    (effect,) = driver().receive(f"{suffix}\n{{}}", LEASE, 0.0)
+    assert effect == Deny(suffix, "unknown_topic")
+
+
+@pytest.mark.parametrize(
+    ("frame", "reason"),
+    [
+        ("", "malformed"),
+        ("no newline", "malformed"),
+        ("command/velocity\n", "malformed"),
+        ("command/velocity\n[]", "malformed"),
+        ('command/velocity\n{"session":"s","epoch":0,"seq":1,"stamp":1,"linear":NaN,"angular":0,"method":"keyboard"}', "malformed"),
+        ('command/velocity\n{"session":"s","epoch":0,"seq":1,"stamp":1,"linear":1e9,"angular":0,"method":"keyboard"}', "malformed"),
+        ('command/velocity\n{"session":"s","epoch":0,"seq":-1,"stamp":1,"linear":0,"angular":0,"method":"keyboard"}', "malformed"),
+        ('command/action\n{"type":"fly","actionId":"a","stamp":1}', "malformed"),
+        ("session/take\n" + "[" * 40_000, "malformed"),
+        ("command/velocity\n" + " " * 2000, "oversized"),
+        ("signal\n" + " " * protocol.MAX_FRAME, "oversized"),
+        (b"\xff\xfe\n{}", "unknown_topic"),
+        (b"\xff\xfe", "malformed"),
+    ],
+)
+def test_what_is_no_message_is_refused_with_its_reason(frame, reason):
+    room = driver()
+    (effect,) = room.receive(frame, LEASE, 0.0)
+    assert effect.reason == reason
+    assert room.refused == {reason: 1}
+
+
+def test_verbs_go_to_the_database_and_reports_to_the_record():
+    room = driver()
+    assert say(room, "session/take", protocol.Take(takeover=True)) == (Verb(protocol.Take(takeover=True)),)
+    event = protocol.PageEvent(stamp=1.0, type="tab_hidden", data={"seconds": 2.0})
+    (report,) = say(room, "page/event", event)
+    assert report == Report(protocol.PageReport(suffix="page/event", session=SESSION, message=msgspec.Raw(codec.encode(event))))
+
+
+def test_a_page_without_a_session_has_nothing_to_report():
+    assert say(observer(), "page/event", protocol.PageEvent(stamp=1.0, type="x")) == (Deny("page/event", "no_session"),)
+
+
+def test_the_same_refusal_is_told_once_a_second_and_counted_every_time():
+    room = observer()
+    told = [say(room, "command/velocity", words.velocity(), now=tick / 20) for tick in range(41)]
+    assert sum(map(len, told)) == 3
+    assert room.refused == {"observer": 41}
+
+
+@pytest.mark.parametrize(
+    "data", [{"word": "x" * 201}, {f"word-{n}": "x" * 100 for n in range(16)}, {f"word-{n}": None for n in range(17)}, {"x" * 121: 1.0}]
+)
+def test_what_would_fill_the_record_is_refused(data):
+    (effect,) = say(driver(), "page/event", protocol.PageEvent(stamp=1.0, type="cue_shown", data=data))
+    assert isinstance(effect, Deny)
+
+
+def test_the_longest_that_a_page_says_for_the_record_passes():
+    layout = {
+        "interface": "technical", "layout": "upright", "width": 1280.5, "height": 719.3333129882812, "screen_width": 2560.0, "screen_height": 1440.0,
+        "density": 1.3333333730697632, "touch": False, "bot": True,
+    }  # fmt: skip
+    check = dict.fromkeys(("server", "browser", "picture", "way", "detour", "microphone", "camera", "gamepad", "overall", "app"), "unsupported")
+    answer = {"id": "answer-" + "0" * 24, "choice": "again", "photo": "p" * 64}
+    network = protocol.PageNetwork(stamp=1.7e9 + 1 / 3, way="datachannel", path="host/udp", **dict.fromkeys(
+        ("round_trip", "loss", "jitter", "fps", "freezes", "bitrate", "frame_age"), 1 / 3))  # fmt: skip
+    events = [protocol.PageEvent(stamp=1.7e9 + 1 / 3, type="layout", data=data) for data in (layout, check | {"roundTrip": 1 / 3}, answer)]
+    for suffix, message in (("page/network", network), *(("page/event", event) for event in events)):
+        (effect,) = say(driver(), suffix, message)
+        assert isinstance(effect, Report)
+        assert len(effect.message.message) < protocol.MAX_REPORT / 2
+
+
+@pytest.mark.parametrize(
+    ("suffix", "message", "rate", "burst"),
+    [("command/velocity", words.velocity(), 60, 60), ("command/heartbeat", m.CommandHeartbeat(n=1, stamp=1.0), 30, 60), ("command/action", action(m.Stop), 60, 60),
+     ("page/event", protocol.PageEvent(stamp=1.0, type="x"), 3, 60)],
+)  # fmt: skip
+def test_more_than_a_page_needs_is_refused(suffix, message, rate, burst):
+    room = driver()
+    passed = sum(isinstance(effect, Publish | Halt | Report) for tick in range(2000) for effect in say(room, suffix, message, now=tick / 200))
+    assert burst + 10 * rate - 1 <= passed <= burst + 10 * rate + 1
+
+
+def test_a_stop_passes_when_everything_else_has_been_used_up():
+    room = driver()
+    for _ in range(200):
+        say(room, "command/velocity", words.velocity())
+        say(room, "command/action", action(m.Photo))
+    assert isinstance(say(room, "command/action", action(m.Stop))[0], Halt)
+
+
+def test_a_flood_ends_the_connection_and_mere_haste_does_not():
+    room = driver()
+    effects = [effect for _ in range(400) for effect in room.receive("nonsense", LEASE, 0.0)]
+    assert not any(isinstance(effect, Close) for effect in effects)
+    effects = [effect for _ in range(400) for effect in room.receive("nonsense", LEASE, 0.0)]
+    assert effects[-1] == Close(protocol.FLOODED)
+
+
+def test_a_page_that_drove_over_its_socket_leaves_a_stop_behind_and_no_other_does():
+    room = driver()
+    assert room.parting_stop("a", 5.0, LEASE, 0.0) is None
+    say(room, "command/velocity", words.velocity(seq=17), now=10.0)
+    stop = room.parting_stop("a", 5.0, LEASE, 10.5)
+    assert stop == m.Stop(action_id="a", stamp=5.0, session=SESSION, epoch=7, role="driver", user="Ada", seq=17)
+    assert room.parting_stop("a", 5.0, LEASE, 12.0) is None
+    assert room.parting_stop("a", 5.0, None, 10.5) is None
+    assert observer().parting_stop("a", 5.0, LEASE, 0.0) is None
+
+
+# --- whatever a page says --------------------------------------------------------------------------------------------
+
+SUFFIXES = st.sampled_from(
+    ["command/velocity", "command/heartbeat", "command/action", "command/point", "signal", "session/take", "page/event", "lease", ""]
+) | st.text(max_size=20)
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(["type", "session", "epoch", "seq", "role", "sdp", "x", "at", "stamp"]), inner, max_size=6),
+    max_leaves=12,
+)  # fmt: skip
+FRAMES = (
+    st.text(max_size=200)
+    | st.binary(max_size=200)
+    | st.builds(lambda suffix, value: f"{suffix}\n{msgspec.json.encode(value).decode()}", SUFFIXES, JSON)
+)
+MESSAGES = st.one_of(
+    st.builds(lambda seq, linear, session, epoch: ("command/velocity", words.velocity(seq=seq, linear=linear, session=session, epoch=epoch)),
+              st.integers(0, 2**40), st.floats(-10, 10), st.sampled_from(["session-1", "x"]), st.integers(0, 20)),
+    st.builds(lambda asked, role, user: ("command/action", msgspec.structs.replace(asked, role=role, user=user)),
+              st.sampled_from([*DRIVERS_ACTIONS, action(m.Stop), action(m.EStop), action(m.ClearEStop)]),
+              st.sampled_from(["driver", "observer", "screen", "staff", "owner", "server"]), st.sampled_from(["", "Mallory"])),
+    st.builds(lambda role, session, peer: ("command/point", m.PointCommand(stamp=1.0, role=role, session=session, peer=peer)),
+              st.sampled_from(["driver", "screen"]), st.sampled_from([None, "session-1"]), st.sampled_from(["peer-1", "x"])),
+    st.builds(lambda role, session: ("signal", m.Offer(sdp="v=0", role=role, session=session)),
+              st.sampled_from(["driver", "observer", "screen"]), st.sampled_from([None, "session-1"])),
+)  # fmt: skip
+
+
+@settings(max_examples=1500, deadline=None)
+@given(frame=FRAMES, drives=st.booleans())
+def test_no_frame_raises_and_none_but_a_whole_message_has_an_effect(frame, drives):
+    room = driver() if drives else observer()
+    for effect in room.receive(frame, LEASE, 0.0):
+        assert isinstance(effect, Deny | Publish | Halt | Verb | Report)
+        if isinstance(effect, Publish | Halt):
+            codec.decode("command/action" if isinstance(effect, Halt) else effect.suffix, codec.encode(effect.message), "to_robot")
+
+
+@settings(max_examples=1500, deadline=None)
+@given(said=MESSAGES, place=st.sampled_from(["driver", "observer", "guest", "late"]), operator=st.sampled_from([None, "staff", "owner"]))
+def test_nothing_that_a_page_says_of_itself_reaches_the_robot(said, place, operator):
+    suffix, message = said
+    room = {"driver": driver, "late": driver, "observer": observer, "guest": lambda **options: Room("peer-4", "Eve", **options)}[place](
+        operator=operator
+    )
+    lease = msgspec.structs.replace(LEASE, epoch=8) if place == "late" else LEASE
+    for effect in say(room, suffix, message, lease):
+        if not isinstance(effect, Publish | Halt):
+            continue
+        sent = effect.message
+        if isinstance(sent, m.VelocityCommand):
+            assert place == "driver"
+            assert (sent.session, sent.epoch) == (SESSION, 7)
+            assert math.isfinite(sent.linear)
+        elif isinstance(sent, m.PointCommand):
+            assert (place, sent.role, sent.peer, sent.session, sent.epoch) == ("driver", "driver", PEER, SESSION, 7)
+        else:
+            assert (sent.session, sent.epoch) == ((SESSION, 7) if sent.role == "driver" else (None, 0))
+            assert sent.role in {"driver" if place == "driver" else "observer", operator or "observer"}
+        if isinstance(sent, m.Action):
+            assert sent.user == room.who
+
+
+# --- pictures through the server -------------------------------------------------------------------------------------
+
+WANTED = m.PictureRequest(stamp=1.0, peer="somebody-else", seen=0.5, round_trip=0.02)
+
+
+@pytest.mark.parametrize("make", [driver, observer])
+def test_who_drives_or_watches_may_ask_for_a_picture_and_the_server_says_who_asks(make):
+    room = make()
+    assert say(room, "command/picture", WANTED) == (Publish("command/picture", msgspec.structs.replace(WANTED, peer=room.peer), wanted=False),)
+
+
+def test_one_request_lets_one_picture_through():
+    room = observer()
+    assert not room.may_see_picture(LEASE)
+    say(room, "command/picture", WANTED)
+    say(room, "command/picture", WANTED)
+    assert room.may_see_picture(LEASE)
+    assert not room.may_see_picture(LEASE)
+
+
+def test_a_guest_gets_no_picture():
+    room = Room("peer-3", "Eve")
+    assert say(room, "command/picture", WANTED) == (Deny("command/picture", "no_role"),)
+    assert not room.may_see_picture(LEASE)
+
+
+def test_whoever_waits_without_watching_gets_no_picture():
+    room = Room("peer-3", "Eve")
+    room.wait("session-9")
+    assert say(room, "command/picture", WANTED) == (Deny("command/picture", "no_role"),)
+
+
+def test_a_driver_whose_lease_has_gone_to_somebody_else_gets_no_picture():
+    room = driver()
+    say(room, "command/picture", WANTED)
+    assert not room.may_see_picture(msgspec.structs.replace(LEASE, epoch=8, peer="peer-9"))
+    assert say(room, "command/picture", WANTED, lease=None) == (Deny("command/picture", "not_driver"),)
+
+
+def test_the_picture_that_was_on_its_way_is_not_for_a_page_that_has_left():
+    room = observer()
+    say(room, "command/picture", WANTED)
+    room.leave()
+    assert not room.may_see_picture(LEASE)
+
+
+def test_a_flood_of_requests_is_cut():
+    room = observer()
+    effects = [effect for _ in range(1000) for effect in say(room, "command/picture", WANTED)]
+    assert sum(isinstance(effect, Publish) for effect in effects) <= 60
+    assert isinstance(effects[-1], Close)
+
+
+def test_photos_which_are_kept_for_good_are_few_and_a_stop_still_passes():
+    room = driver()
+    taken = [say(room, "command/action", action(m.Photo, action_id=f"p{n}"), now=n * 0.1)[:1] for n in range(30)]
+    assert sum(isinstance(effects[0], Publish) for effects in taken if effects) == 11
+    assert isinstance(say(room, "command/action", action(m.Stop, seq=1), now=3.0)[0], Halt)
+    assert isinstance(say(room, "command/action", action(m.Photo, action_id="later"), now=10.0)[0], Publish)
+
+
+# --- dots on what the driver shares ----------------------------------------------------------------------------------
+
+DOT = m.PointCommand(stamp=5.0, at=(0.5, 0.25), role="screen", peer="somebody-else", **FORGED)
+
+
+def test_a_drivers_dot_carries_what_the_server_knows():
+    wanted = m.PointCommand(stamp=5.0, at=(0.5, 0.25), role="driver", peer=PEER, session=SESSION, epoch=7)
+    assert say(driver(), "command/point", DOT) == (Publish("command/point", wanted, wanted=False),)
+
+
+def test_nobody_points_without_driving():
+    assert say(observer(), "command/point", DOT) == (Deny("command/point", "observer"),)
+    assert say(Room("peer-3", "Eve"), "command/point", DOT) == (Deny("command/point", "not_driver"),)
+    assert say(driver(), "command/point", DOT, msgspec.structs.replace(LEASE, epoch=8)) == (Deny("command/point", "not_driver"),)
+
+
+@pytest.mark.parametrize("at", ["[1.5,0.5]", "[-0.1,0.5]", "[NaN,0.5]", "[0.5]", "0.5", '{"x":0.5,"y":0.5}'])
+def test_a_dot_that_is_not_on_the_picture_reaches_nobody(at):
+    frame = f'command/point\n{{"stamp":5.0,"at":{at}}}'
+    assert driver().receive(frame, LEASE, 0.0) == (Deny("command/point", "malformed"),)
+
+
+def test_twenty_dots_a_second_pass_and_none_of_them_takes_the_room_of_a_stop_or_of_words():
+    room = driver()
+    effects = [say(room, "command/point", msgspec.structs.replace(DOT, stamp=5.0 + n / 50), now=n / 50)[:1] for n in range(500)]
+    assert sum(isinstance(effect[0], Publish) for effect in effects if effect) == pytest.approx(210, abs=2)
+    assert isinstance(say(room, "command/action", action(m.Stop, seq=1), now=10.0)[0], Halt)
+    assert all(isinstance(say(room, "command/action", action(m.Say, text="hello", action_id=f"s{n}"), now=10.0)[0], Publish) for n in range(60))
+    steady = driver()
+    assert all(isinstance(say(steady, "command/point", DOT, now=n / 15)[0], Publish) for n in range(300))

@@ -1,0 +1,72 @@
+"""Pages that say together that they are open."""
+
+import asyncio
+
+import pytest
+from asgiref.sync import sync_to_async
+from django.db import OperationalError
+
+from sessions.consumers import last_seen
+from sessions.consumers.last_seen import RollCall
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """What the database was asked; it takes `over` for ended, and answers nothing while it is away."""
+    found = []
+
+    def seen(sessions, now):
+        found.append(set(sessions))
+        if "away" in sessions:
+            raise OperationalError("away")
+        return sessions - {"over"}
+
+    monkeypatch.setattr(last_seen.store, "seen", seen)
+    monkeypatch.setattr(last_seen, "database_sync_to_async", sync_to_async)  # no connection is looked after, as none is used
+    monkeypatch.setattr(last_seen, "GATHER_SECONDS", 0.05)
+    return found
+
+
+async def test_many_pages_are_one_question_and_each_gets_its_own_answer(asked):
+    pages = RollCall()
+    assert await asyncio.gather(*(pages.seen(session) for session in ("a", "over", "b"))) == [True, False, True]
+    assert await pages.seen("a")
+    assert asked == [{"a", "over", "b"}, {"a"}]
+
+
+async def test_a_database_that_is_away_is_told_to_every_page_and_asked_again_by_the_next(asked):
+    pages = RollCall()
+    told = await asyncio.gather(pages.seen("a"), pages.seen("away"), return_exceptions=True)
+    assert [type(one) for one in told] == [OperationalError, OperationalError]
+    assert await pages.seen("a")
+
+
+async def test_a_page_that_leaves_meanwhile_takes_nobody_else_with_it(asked):
+    pages = RollCall()
+    leaves, stays = (asyncio.create_task(pages.seen(session)) for session in ("a", "b"))
+    await asyncio.sleep(0)
+    leaves.cancel()
+    assert await stays
+    assert asked == [{"a", "b"}]
+
+
+async def test_a_page_that_has_closed_meanwhile_is_not_said_to_be_open(asked):
+    pages = RollCall()
+    closes, stays = (asyncio.create_task(pages.seen(session)) for session in ("a", "b"))
+    await asyncio.sleep(0)
+    pages.forget("a")
+    assert (await closes, await stays) == (False, True)
+    assert asked == [{"b"}]
+
+
+def test_a_roll_call_of_a_loop_that_is_over_is_not_waited_for(asked):
+    pages = RollCall()
+
+    async def first():
+        task = asyncio.create_task(pages.seen("a"))
+        await asyncio.sleep(0)
+        task.cancel()
+
+    asyncio.run(first())
+    assert asyncio.run(asyncio.wait_for(pages.seen("b"), 10))
+    assert asked == [{"b"}]

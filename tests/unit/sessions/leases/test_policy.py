@@ -1,0 +1,248 @@
+"""Who may drive, decided on snapshots."""
+
+import hypothesis.strategies as st
+import pytest
+from hypothesis import settings
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+
+from sessions.leases.policy import Deny, Grant, Resume, Wait
+from sessions.leases.transitions import Offer
+from tests.support.lease_world import RULES, World
+
+
+@pytest.fixture
+def world() -> World:
+    return World()
+
+
+def test_a_free_robot_is_given_to_whoever_asks_first(world):
+    assert isinstance(world.take("ana"), Grant)
+    assert world.hold.epoch == 1
+    assert world.scene.holder.visitor == "ana"
+
+
+def test_a_second_visitor_waits_while_the_lease_is_held_and_learns_place_and_minutes(world):
+    world.take("ana")
+    assert world.take("ben") == Wait(None, 1, 1.0)
+    assert world.take("cem") == Wait(None, 2, 2.0)
+
+
+def test_asking_again_keeps_the_place(world):
+    world.take("ana")
+    world.take("ben")
+    world.take("cem")
+    assert world.take("ben").place == 1
+    assert len(world.visits) == 3
+
+
+def test_the_same_page_resumes_with_its_old_peer_and_keeps_the_epoch(world):
+    world.take("ana", peer="first")
+    session = world.visit_of("ana").id
+    assert world.take("ana", peer="second", session=session, old_peer="first") == Resume(session)
+    assert world.hold.epoch == 1
+
+
+def test_a_double_click_is_not_a_second_tab(world):
+    world.take("ana", peer="page")
+    assert isinstance(world.take("ana", peer="page"), Resume)
+
+
+def test_a_wrong_old_peer_is_not_resumed(world):
+    world.take("ana", peer="first")
+    session = world.visit_of("ana").id
+    assert world.take("ana", peer="second", session=session, old_peer="guess") == Deny("elsewhere", session)
+
+
+def test_a_second_tab_is_refused_while_the_first_is_open_and_gets_a_new_epoch_when_it_takes_over(world):
+    world.take("ana", peer="first")
+    session = world.visit_of("ana").id
+    assert world.take("ana", peer="second") == Deny("elsewhere", session)
+    assert world.take("ana", peer="second", takeover=True).returning
+    assert (world.hold.epoch, world.hold.peer) == (2, "second")
+
+
+def test_a_reloaded_page_returns_to_its_session_with_a_new_epoch(world):
+    world.take("ana", peer="first")
+    session = world.visit_of("ana").id
+    world.change(session, state="driving", seen_at=None)  # the old page closed its socket
+    grant = world.take("ana", peer="second", session=session)
+    assert grant == Grant(session, "reconnecting", returning=True)
+    assert world.hold.epoch == 2
+
+
+def test_a_tab_that_copied_the_session_of_an_open_one_is_refused(world):
+    world.take("ana", peer="first")
+    session = world.visit_of("ana").id
+    world.change(session, state="driving")
+    assert world.take("ana", peer="second", session=session) == Deny("elsewhere", session)
+
+
+def test_a_second_tab_cannot_steal_a_drive_that_lives_on_the_data_channel_alone(world):
+    world.take("ana", peer="first")
+    session = world.visit_of("ana").id
+    world.change(session, state="driving", seen_at=None)
+    assert world.take("ana", peer="second") == Deny("elsewhere", session)
+
+
+def test_a_lost_visitor_returns_from_any_page(world):
+    world.take("ana", peer="first")
+    session = world.visit_of("ana").id
+    world.change(session, state="reconnecting", lost_at=world.now)
+    assert world.take("ana", peer="phone").returning
+
+
+def test_a_session_that_is_over_is_not_resumed(world):
+    world.take("ana")
+    session = world.visit_of("ana").id
+    world.end(session, "completed", "left")
+    assert world.take("ana", session=session, old_peer="peer-of-ana") == Deny("ended", session)
+    assert world.take("ben", session=session) == Deny("ended", session)
+
+
+@pytest.mark.parametrize(("online", "enabled", "reason"), [(False, True, "offline"), (True, False, "disabled"), (False, False, "disabled")])
+def test_a_robot_that_is_not_there_is_not_given(world, online, enabled, reason):
+    world.online, world.enabled = online, enabled
+    assert world.take("ana") == Deny(reason)
+
+
+def test_whoever_waits_goes_on_waiting_while_the_robot_is_offline(world):
+    world.take("ana")
+    world.take("ben")
+    world.online = False
+    assert isinstance(world.take("ben"), Wait)
+
+
+def test_a_free_robot_is_for_the_first_in_the_queue(world):
+    world.take("ana")
+    world.take("ben")
+    world.end(world.visit_of("ana").id, "completed", "left")
+    assert isinstance(world.take("cem"), Wait)
+    assert isinstance(world.take("ben"), Grant)
+
+
+def test_who_waits_with_a_closed_page_does_not_block_the_others_and_keeps_the_place(world):
+    world.take("ana")
+    world.take("ben")
+    world.change(world.visit_of("ben").id, seen_at=None, lost_at=world.now)
+    world.end(world.visit_of("ana").id, "completed", "left")
+    assert isinstance(world.take("cem"), Grant)
+    assert world.take("ben").place == 1
+
+
+def test_an_offered_turn_is_for_nobody_else(world):
+    world.take("ana")
+    world.take("ben")
+    world.take("cem")
+    world.end(world.visit_of("ana").id, "completed", "left")
+    assert world.tick() == (Offer(world.visit_of("ben").id),)
+    assert isinstance(world.take("cem"), Wait)
+    assert isinstance(world.take("dan"), Wait)
+    assert isinstance(world.take("ben"), Grant)
+
+
+def test_a_lease_that_names_an_ended_visit_counts_as_free(world):
+    world.take("ana")
+    del world.visits[world.visit_of("ana").id]  # the process that ended it was killed before it freed the lease
+    assert isinstance(world.take("ben"), Grant)
+
+
+VISITORS = st.sampled_from(["ana", "ben", "cem", "dan"])
+
+
+class Everybody(RuleBasedStateMachine):
+    """Visitors come, go, reload, lose their network and come back, in any order, while time passes."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.world = World()
+        self.open: set[str] = set()
+
+    @rule(visitor=VISITORS, takeover=st.booleans(), tab=st.sampled_from(["a", "b"]))
+    def asks(self, visitor, takeover, tab):
+        now = self.world.now
+        order = [visit.visitor for visit in self.world.scene.queue if visit.visitor == visitor or visit.page_open(now)]
+        holder = self.world.scene.holder
+        decision = self.world.take(visitor, peer=f"{visitor}-{tab}", takeover=takeover)
+        self.open.add(visitor)
+        if isinstance(decision, Grant) and not decision.returning:
+            assert holder is None
+            ahead = order[: order.index(visitor)] if visitor in order else order
+            passed_over = [name for name in ahead if self.world.visit_of(name).offered_at is None]
+            assert not passed_over, "somebody was ahead"
+
+    @precondition(lambda self: self.world.scene.holder is not None)
+    @rule()
+    def driver_connects(self):
+        self.world.connected.add(self.world.scene.holder.visitor)
+
+    @rule(visitor=VISITORS)
+    def loses_the_network(self, visitor):
+        self.world.connected.discard(visitor)
+
+    @rule(visitor=VISITORS)
+    def closes_the_page(self, visitor):
+        self.open.discard(visitor)
+        visit = self.world.visit_of(visitor)
+        if visit is not None:
+            self.world.change(visit.id, seen_at=None, lost_at=self.world.now if visit.state == "waiting" else visit.lost_at)
+
+    @rule(visitor=VISITORS)
+    def leaves(self, visitor):
+        visit = self.world.visit_of(visitor)
+        if visit is not None:
+            self.world.end(visit.id, "completed", "left")
+
+    @rule(online=st.booleans())
+    def robot_comes_or_goes(self, online):
+        if self.world.online and not online:
+            self.world.offline_since = self.world.now
+        self.world.online = online
+
+    @rule(seconds=st.floats(0.1, 30.0))
+    def time_passes(self, seconds):
+        self.world.now += seconds
+        self.world.pages_say_they_are_open(self.open)
+        self.world.tick()
+
+    @invariant()
+    def there_is_one_driver_at_most(self):
+        drivers = [visit for visit in self.world.visits.values() if visit.state != "waiting"]
+        assert len(drivers) <= 1
+        assert all(visit.id == self.world.hold.session for visit in drivers)
+
+    @invariant()
+    def every_grant_has_an_epoch_of_its_own(self):
+        epochs = [epoch for epoch, _ in self.world.grants]
+        assert epochs == sorted(set(epochs))
+
+    @invariant()
+    def a_visitor_has_one_visit_at_most(self):
+        visitors = [visit.visitor for visit in self.world.visits.values()]
+        assert len(visitors) == len(set(visitors))
+
+    @invariant()
+    def one_turn_at_most_is_offered_and_never_while_somebody_drives(self):
+        offers = [visit for visit in self.world.scene.queue if visit.offered_at is not None and self.world.now < visit.offered_at + RULES.start]
+        assert len(offers) <= 1
+        assert not (offers and self.world.scene.holder)
+
+    def teardown(self):
+        """Whoever waits patiently, and takes the turn when it comes, is served within a turn for everybody ahead."""
+        self.world.online = True
+        patient = [visit.visitor for visit in self.world.scene.queue]
+        self.open |= set(patient)
+        bound = self.world.now + (len(self.world.visits) + 1) * (RULES.turn + RULES.warning + RULES.start + RULES.grace)
+        while patient and self.world.now < bound:
+            self.world.now += 1.0
+            self.world.pages_say_they_are_open(self.open)
+            self.world.connected |= {visit.visitor for visit in self.world.visits.values()}
+            self.world.tick()
+            for visitor in list(patient):
+                visit = self.world.visit_of(visitor)
+                if visit is None or isinstance(self.world.take(visitor), Grant | Resume | Deny):
+                    patient.remove(visitor)
+        assert not patient, "somebody was never served"
+
+
+TestEverybody = Everybody.TestCase
+TestEverybody.settings = settings(max_examples=300, stateful_step_count=40, deadline=None)

@@ -1,0 +1,38 @@
+"""A photo in two halves."""
+
+import hashlib
+
+from robots.api.messages import Event
+from sessions.recording.photos import MOST, PATIENCE, Photos
+
+
+def event(action: str, jpeg: bytes) -> Event:
+    return Event(stamp=1.0, boot="b", seq=1, type="photo", action_id=action, sha256=hashlib.sha256(jpeg).hexdigest())
+
+
+def test_the_halves_meet_in_either_order():
+    photos = Photos()
+    assert photos.event("r", event("a", b"1"), 0.0) is None
+    assert photos.jpeg("r", "a", b"1", 0.0).intact
+    assert photos.jpeg("r", "b", b"2", 0.0) is None
+    assert photos.event("r", event("b", b"2"), 0.0).jpeg == b"2"
+
+
+def test_bytes_that_changed_on_the_way_are_not_intact():
+    photos = Photos()
+    photos.event("r", event("a", b"1"), 0.0)
+    assert not photos.jpeg("r", "a", b"2", 0.0).intact
+
+
+def test_robots_do_not_get_each_others_photos():
+    photos = Photos()
+    photos.event("r", event("a", b"1"), 0.0)
+    assert photos.jpeg("other", "a", b"1", 0.0) is None
+
+
+def test_what_waits_too_long_or_is_too_much_is_forgotten():
+    photos = Photos()
+    for number in range(MOST + 3):
+        photos.jpeg("r", f"a{number}", b"1", float(number) / 100)
+    assert photos.forgotten(1.0) == [("r", "a0"), ("r", "a1"), ("r", "a2")]
+    assert len(photos.forgotten(PATIENCE + 10.0)) == MOST
