@@ -15,7 +15,7 @@ from benchmarks.table import Figure, keep
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import MODELS
 from robots.api.messages import Goto
-from robots.world.sensing import Beams
+from robots.world.sensing import LaserScan
 from robots.world.sites import load_plan, shipped_sites
 from tests.support.headless_robot import DT, HeadlessRobot
 
@@ -29,7 +29,7 @@ SHARE = 20.0  # percent of a core, beside the camera
 ROUNDS = 3
 
 
-def wander(beams: Beams, turning: float) -> tuple[float, float, float]:
+def wander(beams: LaserScan, turning: float) -> tuple[float, float, float]:
     """Return linear and angular speed, and which way the robot turns (1 left, -1 right, 0 not): to where more room is."""
     points = beams.points()
     before = points[(points[:, 0] > 0.0) & (np.abs(points[:, 1]) < 0.4)]

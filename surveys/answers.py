@@ -36,7 +36,7 @@ class RefusedError(ValueError):
 
 
 @dataclass(frozen=True)
-class Given:
+class AnswerValue:
     """An answer: either a value (int, float, str, or a list of str in written order), or the reason why there is none."""
 
     value: Any = None
@@ -48,7 +48,7 @@ class Given:
         return self.missing is Missing.SKIPPED
 
 
-def read_answer(question: Question, fields: Mapping[str, Sequence[str]], now: datetime.datetime) -> Given:
+def read_answer(question: Question, fields: Mapping[str, Sequence[str]], now: datetime.datetime) -> AnswerValue:
     """Return what the fields of a page say to a question; saying nothing is `SKIPPED`, whether or not that is allowed.
 
     Args:
@@ -66,25 +66,25 @@ def read_answer(question: Question, fields: Mapping[str, Sequence[str]], now: da
     if reasons:
         return _declined(question, values, reasons)
     if not values:
-        return Given(missing=Missing.SKIPPED)
+        return AnswerValue(missing=Missing.SKIPPED)
     if len(values) > 1 and not isinstance(question.item, Multiple):
         raise RefusedError(_("Please give one answer."))
-    return Given(value=_value(question, values, now))
+    return AnswerValue(value=_value(question, values, now))
 
 
-def check_complete(question: Question, given: Given) -> None:
+def check_complete(question: Question, given: AnswerValue) -> None:
     """Raise RefusedError when an answer that is required was left empty."""
     if given.is_left_empty and question.item.required:
         raise RefusedError(_("Please answer this question."))
 
 
-def _declined(question: Question, values: list[str], reasons: list[str]) -> Given:
+def _declined(question: Question, values: list[str], reasons: list[str]) -> AnswerValue:
     if values or len(set(reasons)) > 1:
         raise RefusedError(_("Please either answer or say why not."))
     allowed = {Missing.PREFERRED_NOT.value: question.item.prefer_not, Missing.NOT_APPLICABLE.value: question.item.not_applicable}
     if not allowed.get(reasons[0]):
         raise RefusedError(_("This is not among the choices."))
-    return Given(missing=Missing(reasons[0]))
+    return AnswerValue(missing=Missing(reasons[0]))
 
 
 def _value(question: Question, values: list[str], now: datetime.datetime) -> Any:
@@ -196,7 +196,7 @@ def plain(number: float) -> str:
     return str(int(number)) if number == int(number) else str(number)
 
 
-def standings(definition: Definition, stored: Mapping[str, Given], circumstances: Circumstances, reached: int) -> dict[str, Given]:
+def standings(definition: Definition, stored: Mapping[str, AnswerValue], circumstances: Circumstances, reached: int) -> dict[str, AnswerValue]:
     """Return how every question of a response stands, by key in written order: its value, or the reason why there is none.
 
     A question that was not asked is not applicable, whatever was said before an earlier answer changed. One that was asked without
@@ -213,9 +213,9 @@ def standings(definition: Definition, stored: Mapping[str, Given], circumstances
     return {question.key: _standing(question, stored.get(question.key), question.key in asked, reached) for question in definition.questions()}
 
 
-def _standing(question: Question, given: Given | None, asked: bool, reached: int) -> Given:  # noqa: FBT001 -- private, named at the call
+def _standing(question: Question, given: AnswerValue | None, asked: bool, reached: int) -> AnswerValue:  # noqa: FBT001 -- private, named at the call
     if question.page >= reached and given is None:
-        return Given(missing=Missing.NOT_REACHED)
+        return AnswerValue(missing=Missing.NOT_REACHED)
     if not asked:
-        return Given(missing=Missing.NOT_APPLICABLE)
-    return given or Given(missing=Missing.SKIPPED)
+        return AnswerValue(missing=Missing.NOT_APPLICABLE)
+    return given or AnswerValue(missing=Missing.SKIPPED)

@@ -15,7 +15,7 @@ from asgiref.sync import sync_to_async
 from django.db.models import QuerySet
 from django.http import StreamingHttpResponse
 
-from surveys.answers import Given
+from surveys.answers import AnswerValue
 from surveys.definition import Definition
 from surveys.layout import positions
 from surveys.models import Answer, Questionnaire, Response
@@ -85,7 +85,7 @@ def wide_lines(slug: str) -> Iterator[str]:
         yield line([*_about(response), *cells, *(found.get(name) for name in named)])
 
 
-def _pair(said: Given | None) -> tuple[Any, Any]:
+def _pair(said: AnswerValue | None) -> tuple[Any, Any]:
     """A question that a version does not have leaves both cells empty."""
     return ("", "") if said is None else (_cell(said.value), said.missing or "")
 

@@ -6,7 +6,7 @@ from django.conf import settings
 from django.db import models
 from django.utils.translation import gettext_lazy as _
 
-from surveys.answers import Given, Missing, standings
+from surveys.answers import AnswerValue, Missing, standings
 from surveys.conditions import Circumstances
 from surveys.definition import Definition, from_stored
 
@@ -84,11 +84,11 @@ class Response(models.Model):
         """What is known beside the answers."""
         return Circumstances(robot=frozenset(self.robot), outcome=self.outcome)
 
-    def given(self) -> dict[str, Given]:
+    def given(self) -> dict[str, AnswerValue]:
         """Return what is stored, by question."""
         return {row.item: row.given for row in self.answers.only("item", "value", "missing")}
 
-    def standings(self, definition: Definition, stored: dict[str, Given]) -> dict[str, Given]:
+    def standings(self, definition: Definition, stored: dict[str, AnswerValue]) -> dict[str, AnswerValue]:
         """Return how every question stands, from what is stored: its value, or why there is none."""
         reached = self.reached if self.finished_at is None else len(definition.pages)
         return standings(definition, stored, self.circumstances, reached)
@@ -131,6 +131,6 @@ class Answer(models.Model):
         return f"{self.item}: {self.missing or self.value}"
 
     @property
-    def given(self) -> Given:
+    def given(self) -> AnswerValue:
         """What was said."""
-        return Given(value=self.value, missing=Missing(self.missing) if self.missing else None)
+        return AnswerValue(value=self.value, missing=Missing(self.missing) if self.missing else None)

@@ -13,7 +13,7 @@ from typing import Any
 
 from django.db import IntegrityError, transaction
 
-from surveys.answers import Given, RefusedError, check_complete, read_answer
+from surveys.answers import AnswerValue, RefusedError, check_complete, read_answer
 from surveys.conditions import shown_keys
 from surveys.definition import Definition, Question, language_for
 from surveys.layout import positions
@@ -109,7 +109,7 @@ def begin(questionnaire: Questionnaire, respondent: Respondent, context: Context
         return Response.objects.select_related("questionnaire").get(slot=slot)
 
 
-def save_one(response: Response, definition: Definition, key: str, fields: Mapping[str, Sequence[str]], saving: Saving) -> Given:
+def save_one(response: Response, definition: Definition, key: str, fields: Mapping[str, Sequence[str]], saving: Saving) -> AnswerValue:
     """Store what the fields say to one question, empty or not, and return it.
 
     Raises:
@@ -162,10 +162,14 @@ def save_page(
 
 
 def _read_page(
-    visible: Mapping[str, Question], fields: Mapping[str, Sequence[str]], now: datetime.datetime, *, asked: Callable[[dict[str, Given]], list[str]]
-) -> tuple[dict[str, Given], dict[str, str]]:
+    visible: Mapping[str, Question],
+    fields: Mapping[str, Sequence[str]],
+    now: datetime.datetime,
+    *,
+    asked: Callable[[dict[str, AnswerValue]], list[str]],
+) -> tuple[dict[str, AnswerValue], dict[str, str]]:
     """Return what was told and what was refused, question by question: an answer may hide those that follow it."""
-    told: dict[str, Given] = {}
+    told: dict[str, AnswerValue] = {}
     errors: dict[str, str] = {}
     for key, question in visible.items():
         if key not in asked(told):
@@ -215,7 +219,7 @@ def pages_shown(response: Response, definition: Definition) -> list[int]:
     return sorted({question.page for question in definition.questions() if question.key in asked})
 
 
-def _shown(response: Response, definition: Definition, stored: Mapping[str, Given]) -> list[str]:
+def _shown(response: Response, definition: Definition, stored: Mapping[str, AnswerValue]) -> list[str]:
     return shown_keys(definition, {key: given.value for key, given in stored.items()}, response.circumstances)
 
 
@@ -228,7 +232,7 @@ def _check_open(response: Response) -> None:
         raise ClosedError(str(response.pk))
 
 
-def _write(response: Response, definition: Definition, told: Sequence[tuple[Question, Given]], saving: Saving) -> None:
+def _write(response: Response, definition: Definition, told: Sequence[tuple[Question, AnswerValue]], saving: Saving) -> None:
     places = positions(definition, response.seed) if told else {}
     for question, given in told:
         fields: dict[str, Any] = {

@@ -8,7 +8,7 @@ from typing import Any
 
 from django.utils.translation import gettext as _
 
-from surveys.answers import REASON_MARK, Given, Missing, days_between, greatest_number, plain
+from surveys.answers import REASON_MARK, AnswerValue, Missing, days_between, greatest_number, plain
 from surveys.conditions import Circumstances, circumstances_fit, shown_keys
 from surveys.definition import (
     Condition,
@@ -81,7 +81,7 @@ class Control:
 
 
 @dataclass(frozen=True)
-class Block:
+class Fieldset:
     """Questions in one frame: a matrix of those on one scale, or one question of another kind."""
 
     heading: str
@@ -100,12 +100,12 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Sheet:
+class PageForm:
     """A page. `number` and `total` count from 1 the pages on which anything is asked."""
 
     title: str
     intro: str
-    blocks: tuple[Block, ...]
+    blocks: tuple[Fieldset, ...]
     number: int
     total: int
 
@@ -131,7 +131,7 @@ class Reader:
 
     language: str
     seed: int
-    stored: Mapping[str, Given]
+    stored: Mapping[str, AnswerValue]
     circumstances: Circumstances
     now: datetime.datetime
     errors: Mapping[str, str] = field(default_factory=dict)
@@ -139,7 +139,7 @@ class Reader:
     sees_all: bool = False
 
 
-def sheet_of(definition: Definition, page: int, reader: Reader, shown_pages: Sequence[int]) -> Sheet:
+def sheet_of(definition: Definition, page: int, reader: Reader, shown_pages: Sequence[int]) -> PageForm:
     """Return a page as somebody sees it.
 
     Args:
@@ -153,7 +153,7 @@ def sheet_of(definition: Definition, page: int, reader: Reader, shown_pages: Seq
     here = [question for question in definition.questions() if question.page == page]
     blocks = [_block(item, here, asked, reader) for item in items_of(definition.pages[page], reader.seed)]
     own = definition.pages[page]
-    return Sheet(
+    return PageForm(
         title=spoken(own.title, reader.language),
         intro=spoken(own.intro, reader.language),
         blocks=tuple(_joined([block for block in blocks if block is not None], definition)),
@@ -162,7 +162,7 @@ def sheet_of(definition: Definition, page: int, reader: Reader, shown_pages: Seq
     )
 
 
-def _block(item: Any, here: list[Question], asked: set[str], reader: Reader) -> Block | None:
+def _block(item: Any, here: list[Question], asked: set[str], reader: Reader) -> Fieldset | None:
     """Return the frame of one item; None when no answer on this page could make it appear."""
     questions = {question.key: question for question in here if question.item.key == item.key}
     if not questions.keys() & asked and not _may_appear(item.show_if, {question.key for question in here}, reader):
@@ -170,7 +170,7 @@ def _block(item: Any, here: list[Question], asked: set[str], reader: Reader) -> 
     keys = [row.key for row in rows_of(item, reader.seed)] if isinstance(item, Grid) else [item.key]
     controls = tuple(_control(questions[key], key in asked, _condition_here(item.show_if, here), reader) for key in keys)
     is_grid = isinstance(item, Grid)
-    return Block(spoken(item.text, reader.language) if is_grid else "", spoken(item.hint, reader.language) if is_grid else "", controls)
+    return Fieldset(spoken(item.text, reader.language) if is_grid else "", spoken(item.hint, reader.language) if is_grid else "", controls)
 
 
 def _may_appear(condition: Condition | None, here: set[str], reader: Reader) -> bool:
@@ -184,19 +184,19 @@ def _condition_here(condition: Condition | None, here: list[Question]) -> str:
     return json.dumps({"item": condition.item, "is": list(condition.one_of), "at_least": condition.at_least, "at_most": condition.at_most})
 
 
-def _joined(blocks: list[Block], definition: Definition) -> list[Block]:
+def _joined(blocks: list[Fieldset], definition: Definition) -> list[Fieldset]:
     """Put statements that follow each other on the same scale into one frame."""
-    joined: list[Block] = []
+    joined: list[Fieldset] = []
     for block in blocks:
         before = joined[-1] if joined else None
         if before is not None and _can_join(before, block, definition):
-            joined[-1] = Block("", "", before.controls + block.controls)
+            joined[-1] = Fieldset("", "", before.controls + block.controls)
         else:
             joined.append(block)
     return joined
 
 
-def _can_join(before: Block, block: Block, definition: Definition) -> bool:
+def _can_join(before: Fieldset, block: Fieldset, definition: Definition) -> bool:
     scales = []
     for part in (before, block):
         question = definition.question(part.controls[-1].key)
@@ -231,7 +231,7 @@ def _control(question: Question, shown: bool, condition: str, reader: Reader) ->
 
 def _said(question: Question, reader: Reader) -> list[str]:
     """Return what is stored, as the page would send it."""
-    value = reader.stored.get(question.key, Given()).value
+    value = reader.stored.get(question.key, AnswerValue()).value
     if value is None:
         return []
     if isinstance(value, list):
@@ -253,7 +253,7 @@ def _choices(question: Question, chosen: list[str], reader: Reader) -> tuple[Cho
     return ()
 
 
-def _reasons(item: Item, given: Given | None, sent: Sequence[str]) -> tuple[Choice, ...]:
+def _reasons(item: Item, given: AnswerValue | None, sent: Sequence[str]) -> tuple[Choice, ...]:
     offered = [
         (Missing.PREFERRED_NOT.value, _("Prefer not to answer"), item.prefer_not),
         (Missing.NOT_APPLICABLE.value, _("Does not apply"), item.not_applicable),

@@ -19,7 +19,7 @@ from typing import Any
 from benchmarks.traffic import worker
 from benchmarks.traffic.every import Timers
 from benchmarks.traffic.mqtt_line import MqttLine, hello
-from robots.agent.broker_link.outbox import Letter, Outbox, letter
+from robots.agent.broker_link.outbox import OutboundMessage, Outbox, letter
 from robots.agent.safety.lease import LeaseKeeper
 from robots.api import codec, topics
 from robots.api import messages as m
@@ -63,7 +63,7 @@ class LightRobot:
         self.online = False
         self._leases, self._outbox = LeaseKeeper(), Outbox()
         self._kept: deque[tuple[int, bytes]] = deque(maxlen=STATES_KEPT)
-        self._flying: dict[int, Letter] = {}
+        self._flying: dict[int, OutboundMessage] = {}
         self._seq = self._beats = self._packet = 0
         self._applied: list[m.AppliedCommand] = []
         self._last = ("", 0, 0)  # session, epoch and number of the newest command

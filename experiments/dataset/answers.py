@@ -10,7 +10,7 @@ from experiments.dataset.selection import Choice
 from experiments.definition.schema import Form, Questionnaire
 from experiments.models import Participant, Study
 from experiments.participation.questions import CONTEXT
-from surveys.answers import Given
+from surveys.answers import AnswerValue
 from surveys.definition import Definition, Question, Words
 from surveys.downloads import answered
 from surveys.models import Answer
@@ -66,7 +66,7 @@ def _response(row: Row, definition: Definition, answers: Sequence[Answer], who: 
     )  # fmt: skip
 
 
-def _said(question: Question, given: Given, choice: Choice) -> tuple[object, str]:
+def _said(question: Question, given: AnswerValue, choice: Choice) -> tuple[object, str]:
     if given.value is None:
         return None, str(given.missing or "")
     if isinstance(question.item, Words) and not choice.has_text:

@@ -89,7 +89,7 @@ class StudyTerms:
         return _why_not(standing, now)
 
     def not_ready(self, user: User, robot: Robot, now: datetime.datetime) -> str:
-        """Return what of the study's start condition does not hold (experiments/definition/start_condition.py); empty for who drives for themselves."""
+        """Return what of the study's start condition (definition/start_condition.py) does not hold; empty for a visitor without a study."""
         standing = standing_of(user, robot)
         return _unmet(standing, now) if standing is not None else ""
 

@@ -10,7 +10,7 @@ import os
 from dataclasses import asdict
 from pathlib import Path
 
-from robots.agent.safety.estop_latch import UNREADABLE, Latch
+from robots.agent.safety.estop_latch import UNREADABLE, EStopLatch
 from robots.agent.safety.lease import Remembered
 from robots.api.disk_space import MIB, DiskSpace
 
@@ -45,18 +45,18 @@ class Store:
             state = "full"
         return () if state == "ok" else (f"disk_{state}: {self._space.free() // MIB} MB are free on the robot's computer",)
 
-    def latch(self) -> Latch | None:
+    def latch(self) -> EStopLatch | None:
         """Return the e-stop that was held when the agent ended."""
         try:
             content = json.loads(self._latch.read_text(encoding="utf-8"))
-            return Latch(str(content["source"]), float(content["stamp"]), str(content["user"]), str(content["detail"]))
+            return EStopLatch(str(content["source"]), float(content["stamp"]), str(content["user"]), str(content["detail"]))
         except FileNotFoundError:
             return None
         except (OSError, ValueError, KeyError, TypeError) as error:
             log.exception("latch_unreadable file=%s", self._latch)
-            return Latch(UNREADABLE, 0.0, "", str(error))
+            return EStopLatch(UNREADABLE, 0.0, "", str(error))
 
-    def keep_latch(self, latch: Latch | None) -> None:
+    def keep_latch(self, latch: EStopLatch | None) -> None:
         """Remember an e-stop, or that there is none.
 
         Raises:

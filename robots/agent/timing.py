@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Times:
+class TimeSource:
     """`now` never jumps and judges durations (s, monotonic); `unix` is what stamps say (s, Unix time)."""
 
     now: Callable[[], float] = time.monotonic

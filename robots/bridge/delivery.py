@@ -21,7 +21,7 @@ _status = msgspec.json.Decoder(ManagerStatus)
 
 
 @dataclass(frozen=True)
-class Letter:
+class OutboundMessage:
     """One message on its way to a listener: decoded once for all of them, and as the frame that pages get (binary for a picture)."""
 
     suffix: str
@@ -32,7 +32,7 @@ class Letter:
 class Listener(Protocol):
     """Whoever is told what a robot or a server said; called on the loop, must return at once and must not raise."""
 
-    def hear(self, letter: Letter) -> None:
+    def hear(self, letter: OutboundMessage) -> None:
         """Take one letter."""
 
 
@@ -102,26 +102,26 @@ class Delivery:
         message = None if suffix == "lease" and not payload else codec.decode(suffix, payload)
         if known.take(suffix, message, now):
             frame = picture.frame(payload) if picture.is_picture(suffix) else f"{suffix}\n{payload.decode('utf-8', 'replace')}"
-            self.bring(known.name, Letter(suffix, message, frame))
+            self.bring(known.name, OutboundMessage(suffix, message, frame))
 
     def note_lease(self, robot: str, lease: Lease | None, now: float) -> None:
         """Act on a lease that this process is about to publish, without waiting for it to come back."""
         known = self.known.get(robot)
         if known is not None:
             known.take_lease(lease, now, certain=True)
-            self.bring(robot, Letter("lease", lease))
+            self.bring(robot, OutboundMessage("lease", lease))
 
     def lose_sight(self) -> None:
         """Forget which robots are connected: the connection to the broker is gone, and only a new word counts."""
         for known in self.known.values():
             known.connection = None
 
-    def bring(self, robot: str, letter: Letter) -> None:
+    def bring(self, robot: str, letter: OutboundMessage) -> None:
         """Bring a letter to everybody who listens to a robot."""
         for listener in tuple(self._listeners.get(robot, ())):
             listener.hear(letter)
 
-    def bring_everybody(self, letter: Letter) -> None:
+    def bring_everybody(self, letter: OutboundMessage) -> None:
         """Bring a letter to everybody who listens to any robot."""
         for robot in self.robots:
             self.bring(robot, letter)
@@ -133,12 +133,12 @@ class Delivery:
             told, at = self._told.get(robot, (None, float("-inf")))
             if faults != told or now - at >= FAULTS_SECONDS:
                 self._told[robot] = faults, now
-                self.bring(robot, Letter(FAULTS, faults))
+                self.bring(robot, OutboundMessage(FAULTS, faults))
 
     def bring_news(self, news: ServerNews) -> None:
         """Bring news to everybody who follows their session."""
         for follower in tuple(self._followers.get(news.session, ())):
-            follower.hear(Letter(NEWS, news))
+            follower.hear(OutboundMessage(NEWS, news))
 
 
 def _decoded(decoder: "msgspec.json.Decoder[Decoded]", payload: bytes) -> Decoded:

@@ -15,7 +15,7 @@ Covariance = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
-class Beams:
+class LaserScan:
     """One sweep of a planar laser.
 
     `ranges` (n,) in metres from `angle_min` on, counter-clockwise, `inf` where nothing came back; `mount` is the laser's pose in the

@@ -103,7 +103,7 @@ class Refused(Exception):  # noqa: N818 -- the page's word for it
     """A frame that this page may not send now; the message is the reason in one word."""
 
 
-class Room:
+class Authorization:
     """One page's place in a robot's room.
 
     Args:

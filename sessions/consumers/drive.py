@@ -1,4 +1,4 @@
-"""The page's WebSocket: decode, ask, perform. The rules stand in sessions/consumers/authorization.py, the session's part in sessions/consumers/page_session.py."""
+"""The page's WebSocket: decode, ask, perform. The rules are in authorization.py, the session's part in page_session.py."""
 
 import asyncio
 import logging
@@ -19,16 +19,16 @@ from robots import log_ids
 from robots.api import picture
 from robots.api.messages import Action, Message
 from robots.bridge import bridge
-from robots.bridge.delivery import FAULTS, LINK, Letter
+from robots.bridge.delivery import FAULTS, LINK, OutboundMessage
 from robots.ice import ice_servers
 from sessions import protocol
 from sessions.consumers import queries, relay
-from sessions.consumers.authorization import Close, Deny, Effect, Halt, Publish, Report, Room, Spare, Verb
+from sessions.consumers.authorization import Authorization, Close, Deny, Effect, Halt, Publish, Report, Spare, Verb
 from sessions.consumers.backpressure import IS_FULL, never_full
 from sessions.consumers.base import DirectConsumer
-from sessions.consumers.page_session import Visit
+from sessions.consumers.page_session import PageSession
 from sessions.consumers.peers import company_of, part
-from sessions.consumers.sender import Outbox
+from sessions.consumers.sender import Sender
 from sessions.devices import device_of, headers_of_scope
 from sessions.leases.policy import PAGE_SEEN_EVERY
 
@@ -40,7 +40,7 @@ WELCOME_EVERY = 60.0
 class RobotConsumer(DirectConsumer):
     """One page at one robot. Until the page is let in there is no visit, and whatever it says is ignored."""
 
-    visit: Visit | None = None
+    visit: PageSession | None = None
 
     # --- coming and going --------------------------------------------------------------------------------------------
 
@@ -62,13 +62,13 @@ class RobotConsumer(DirectConsumer):
         self.tasks: set[asyncio.Task[Any]] = set()
         self.bridge = bridge.current()
         self.known = self.bridge.listen(self.name, self)
-        self.room = Room(secrets.token_urlsafe(12), user.shown_name, door.operator, ice_servers(self.name, time.time()))
+        self.room = Authorization(secrets.token_urlsafe(12), user.shown_name, door.operator, ice_servers(self.name, time.time()))
         self.sparing = relay.Sparing()
-        self.outbox = Outbox(self._send_frame, self.close, self.scope.get(IS_FULL, never_full))
+        self.outbox = Sender(self._send_frame, self.close, self.scope.get(IS_FULL, never_full))
         self.company = company_of(self.name)
         self.company.waiting = door.waiting
         client = self.scope.get("client") or ("",)
-        self.visit = Visit(
+        self.visit = PageSession(
             robot=door.robot,
             user=user,
             session_key=self.scope["session"].session_key,
@@ -123,7 +123,7 @@ class RobotConsumer(DirectConsumer):
                 for task in self.tasks:
                     task.cancel()
 
-    def _stop_listening(self, visit: Visit) -> None:
+    def _stop_listening(self, visit: PageSession) -> None:
         visit.stop_watching()  # a connection to the robot lives without this socket, and nobody would look after it
         self.outbox.abandon()
         self.bridge.ignore(self.name, self)
@@ -189,7 +189,7 @@ class RobotConsumer(DirectConsumer):
 
     # --- what the robot says -----------------------------------------------------------------------------------------
 
-    def hear(self, letter: Letter) -> None:
+    def hear(self, letter: OutboundMessage) -> None:
         """Take a letter from the bridge, in whose task lines of the log would be about nobody."""
         token = log_ids.bind(self.ids)
         try:
@@ -197,7 +197,7 @@ class RobotConsumer(DirectConsumer):
         finally:
             log_ids.unbind(token)
 
-    def _hear(self, letter: Letter) -> None:
+    def _hear(self, letter: OutboundMessage) -> None:
         assert self.visit is not None
         unsure = False
         if letter.suffix == "lease":
@@ -217,7 +217,7 @@ class RobotConsumer(DirectConsumer):
         if unsure:
             self._launch(self.visit.confirm())
 
-    def _relay(self, letter: Letter) -> None:
+    def _relay(self, letter: OutboundMessage) -> None:
         if (out := relay.for_driver(letter)) is not None:
             # What visitor and people at the robot write to each other, and where they point, is no business of those who watch.
             if self.room.holds(self.known.lease) and self.sparing.passes(letter.suffix, time.monotonic()):
@@ -233,7 +233,7 @@ class RobotConsumer(DirectConsumer):
 
     # --- what time brings --------------------------------------------------------------------------------------------
 
-    async def _keep_time(self, visit: Visit) -> None:
+    async def _keep_time(self, visit: PageSession) -> None:
         """Say every few seconds that the page is open, and every minute ask whether it may stay."""
         # Pages that came together do not ask together from then on.
         asked = time.monotonic() - random.random() * WELCOME_EVERY / 2  # noqa: S311

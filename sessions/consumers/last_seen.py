@@ -14,7 +14,7 @@ from sessions.leases import store
 GATHER_SECONDS = 1.0  # a page counts as gone after many times as long
 
 
-class RollCall:
+class LastSeenBatcher:
     """The pages of one process that are about to be said to be open."""
 
     def __init__(self) -> None:
@@ -51,4 +51,4 @@ def _look_at(asked: asyncio.Task[set[str]]) -> None:
         asked.exception()
 
 
-roll_call = RollCall()
+roll_call = LastSeenBatcher()

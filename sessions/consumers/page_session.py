@@ -20,10 +20,10 @@ from robots.ice import ice_servers
 from robots.models import Robot
 from sessions import protocol
 from sessions.consumers import queries, relay
-from sessions.consumers.authorization import Room
+from sessions.consumers.authorization import Authorization
 from sessions.consumers.last_seen import roll_call
-from sessions.consumers.peers import Company
-from sessions.consumers.sender import Outbox
+from sessions.consumers.peers import Peers
+from sessions.consumers.sender import Sender
 from sessions.leases import store
 from sessions.leases.terms import Terms
 from sessions.models import Session
@@ -33,7 +33,7 @@ MAX_WAITING_VERBS = 5
 
 
 @dataclass(eq=False)
-class Visit:
+class PageSession:
     """One page's session at one robot; also a member of the robot's company and the follower of its session's news.
 
     Verbs run one after another, under `turn`; frames that need no database go on passing meanwhile.
@@ -44,11 +44,11 @@ class Visit:
     session_key: str | None
     device: dict[str, Any]
     may_observe: bool
-    room: Room
+    room: Authorization
     known: KnownRobot
     bridge: Bridge
-    company: Company
-    outbox: Outbox
+    company: Peers
+    outbox: Sender
     turn: asyncio.Lock = field(default_factory=asyncio.Lock)
     waiting_verbs: int = 0
     described: protocol.Room | None = None

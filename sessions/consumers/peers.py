@@ -4,14 +4,14 @@ from collections import Counter
 from typing import Protocol
 
 from robots.bridge.known import KnownRobot
-from sessions.consumers.authorization import Room
-from sessions.protocol import Room as RoomFrame
+from sessions.consumers.authorization import Authorization
+from sessions.protocol import Authorization as RoomFrame
 
 
 class Member(Protocol):
     """A page's connection."""
 
-    room: Room
+    room: Authorization
 
     def replaced(self) -> None:
         """Another socket of the same page has taken this one's place."""
@@ -20,7 +20,7 @@ class Member(Protocol):
         """Somebody came, left, or does something else now."""
 
 
-class Company:
+class Peers:
     """Everybody here at one robot. `waiting` is the length of its queue when it was last read."""
 
     def __init__(self) -> None:
@@ -61,13 +61,13 @@ class Company:
             member.company_changed()
 
 
-_companies: dict[str, Company] = {}
+_companies: dict[str, Peers] = {}
 _refused_before: Counter[str] = Counter()
 
 
-def company_of(robot: str) -> Company:
+def company_of(robot: str) -> Peers:
     """Return the company at a robot."""
-    return _companies.setdefault(robot, Company())
+    return _companies.setdefault(robot, Peers())
 
 
 def part(robot: str, member: Member) -> None:

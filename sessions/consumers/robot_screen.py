@@ -13,7 +13,7 @@ from django.db import DatabaseError, InterfaceError
 from robots import log_ids
 from robots.api.messages import Action, Bye, Stay
 from robots.bridge import bridge
-from robots.bridge.delivery import LINK, Letter
+from robots.bridge.delivery import LINK, OutboundMessage
 from robots.ice import ice_servers
 from robots.models import Robot
 from robots.screens import cookie_of, screen_of
@@ -23,7 +23,7 @@ from sessions.consumers.authorization import Close, Deny, Effect, Halt, Publish
 from sessions.consumers.backpressure import IS_FULL, never_full
 from sessions.consumers.base import DirectConsumer
 from sessions.consumers.screen_authorization import ScreenRoom
-from sessions.consumers.sender import Outbox
+from sessions.consumers.sender import Sender
 from sessions.leases.terms import of as terms_of
 from sessions.models import Session
 
@@ -55,7 +55,7 @@ class ScreenConsumer(DirectConsumer):
         self.bridge = bridge.current()
         self.known = self.bridge.listen(self.name, self)
         self.room = ScreenRoom(secrets.token_urlsafe(12), self.title, ice_servers(self.name, time.time()))
-        self.outbox = Outbox(self._send_frame, self.close, self.scope.get(IS_FULL, never_full))
+        self.outbox = Sender(self._send_frame, self.close, self.scope.get(IS_FULL, never_full))
         self.shown: protocol.Screen | None = None
         self.study = ("", False)
         self.visitor_changed = asyncio.Event()
@@ -105,7 +105,7 @@ class ScreenConsumer(DirectConsumer):
 
     # --- what the display is told ------------------------------------------------------------------------------------
 
-    def hear(self, letter: Letter) -> None:
+    def hear(self, letter: OutboundMessage) -> None:
         """Take a letter from the bridge."""
         assert self.room is not None
         if letter.suffix in {LINK, "connection"}:

@@ -9,10 +9,10 @@ from typing import Any
 import msgspec
 
 from robots.api.messages import AnswerCall, Bye, Candidate, ClearEStop, EStop, IceServer, Lease, Offer, PointCommand, Say, Stop
-from sessions.consumers.authorization import Effect, Halt, Publish, Refused, Room
+from sessions.consumers.authorization import Authorization, Effect, Halt, Publish, Refused
 
 
-class ScreenRoom(Room):
+class ScreenRoom(Authorization):
     """The place of a robot's screen in its room.
 
     Args:

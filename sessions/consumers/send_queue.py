@@ -14,7 +14,7 @@ from typing import Any
 DROPPABLE, KEPT = 64, 512
 
 
-class Mailbox:
+class SendQueue:
     """Frames for one page, oldest first. `dropped` counts telemetry that was too old to send."""
 
     def __init__(self, droppable: int = DROPPABLE, kept: int = KEPT) -> None:

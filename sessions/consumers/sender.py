@@ -10,14 +10,14 @@ from robots.api.messages import Message
 from robots.bridge.bridge import BUCKETS
 from sessions import protocol
 from sessions.consumers.relay import Outgoing, outgoing
-from sessions.consumers.send_queue import Mailbox
+from sessions.consumers.send_queue import SendQueue
 
 FULL_POLL_SECONDS = 0.02
 LAST_WORDS_SECONDS = 2.0
 SEND_SECONDS = Histogram("telepresence_relay_to_page_seconds", "From a message for a page to its WebSocket.", buckets=BUCKETS)
 
 
-class Outbox:
+class Sender:
     """Frames for one page.
 
     Args:
@@ -29,7 +29,7 @@ class Outbox:
     def __init__(self, send: Callable[[str | bytes], Awaitable[None]], close: Callable[[int], Awaitable[None]], is_full: Callable[[], bool]) -> None:
         self._send, self._close, self._is_full = send, close, is_full
         self._ending: asyncio.Task[None] | None = None
-        self.mailbox = Mailbox()
+        self.mailbox = SendQueue()
         self._pumping = asyncio.get_running_loop().create_task(self._pump())
 
     @property

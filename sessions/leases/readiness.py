@@ -66,7 +66,7 @@ class Order:
 
 
 @dataclass(frozen=True)
-class Turnaround:
+class Readiness:
     """How things stand. `reason` says in one word or sentence what is waited for, `tried_at` when the last attempt ended.
 
     `seen` tells whether a picture came since it is home, `late_since` since when it has answered too late.
@@ -81,7 +81,7 @@ class Turnaround:
     late_since: float | None = None
 
 
-def decide(turnaround: Turnaround, condition: Condition, now: float) -> tuple[Turnaround, Kind | None]:
+def decide(turnaround: Readiness, condition: Condition, now: float) -> tuple[Readiness, Kind | None]:
     """Return how things stand now, and what the robot is to be told, if anything."""
     if not condition.heard:
         return replace(turnaround, reason="offline"), None
@@ -95,7 +95,7 @@ def decide(turnaround: Turnaround, condition: Condition, now: float) -> tuple[Tu
     return _try(replace(turnaround, seen=False, late_since=None), "dock", now)
 
 
-def _looked_at(turnaround: Turnaround) -> Turnaround:
+def _looked_at(turnaround: Readiness) -> Readiness:
     """Note that a picture came; one that is too large to be sent is a picture, too."""
     order = turnaround.order
     if order is None or order.kind != "picture" or not (order.status == "FINISHED" or order.reason == "too_large"):
@@ -107,28 +107,28 @@ def _is_done(kind: Kind, condition: Condition) -> bool:
     return {"dock": condition.docked, "level": condition.level, "relocalize": condition.localized, "picture": False}[kind]
 
 
-def _at_home(turnaround: Turnaround, condition: Condition, now: float) -> tuple[Turnaround, Kind | None]:
+def _at_home(turnaround: Readiness, condition: Condition, now: float) -> tuple[Readiness, Kind | None]:
     missing: Kind | None = "relocalize" if not condition.localized else "level" if not condition.level else None
     if missing is not None:
         return _try(turnaround, missing, now)
     if condition.charge is not None and condition.charge < condition.charge_limit:
-        return Turnaround("charging", "charging"), None
+        return Readiness("charging", "charging"), None
     if not condition.prompt:
         return _wait_for_network(turnaround, now), None
     turnaround = replace(turnaround, late_since=None)
     if condition.sees and not turnaround.seen:
         # A robot that still believes in its last driver would take the picture for that driver's record.
         return _try(turnaround, "picture", now) if condition.let_go else (replace(turnaround, phase="returning", reason="picture"), None)
-    return Turnaround("ready"), None
+    return Readiness("ready"), None
 
 
-def _wait_for_network(turnaround: Turnaround, now: float) -> Turnaround:
+def _wait_for_network(turnaround: Readiness, now: float) -> Readiness:
     since = now if turnaround.late_since is None else turnaround.late_since
     phase: Phase = "paused" if now - since >= LATE else "returning"
     return replace(turnaround, phase=phase, reason="network", order=None, attempts=0, tried_at=None, late_since=since)
 
 
-def _try(turnaround: Turnaround, kind: Kind, now: float) -> tuple[Turnaround, Kind | None]:
+def _try(turnaround: Readiness, kind: Kind, now: float) -> tuple[Readiness, Kind | None]:
     """Note how the last attempt ended, and begin another when it is time."""
     order = turnaround.order
     if order is not None and order.kind == kind:

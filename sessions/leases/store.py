@@ -7,7 +7,7 @@ one living session at a robot.
 What a consumer calls, each through `database_sync_to_async`:
 
 - `take` for `session/take`. On `Granted` publish `granted.lease` (retained) at once; the session manager renews it.
-- `seen`, through sessions/consumers/last_seen.py, every `leases.PAGE_SEEN_EVERY` seconds while the page's socket is open with a session; `take` says it, too;
+- `seen`, through consumers/last_seen.py, every `leases.PAGE_SEEN_EVERY` seconds while the page's socket is open with a session; `take` says it, too;
 - `page_gone` when the socket closes: the visit goes on for as long as its heartbeat or its grace period lasts;
 - `leave` for `session/leave`. On True publish an empty retained lease if the page was driving, and the news `ended`.
 

@@ -18,7 +18,7 @@ from robots.models import FloorPlan, Robot
 from sessions.leases import terms
 from sessions.leases.store import LIVE
 from sessions.leases.terms import FREE, Terms
-from sessions.manager.scheduler import Letter
+from sessions.manager.scheduler import OutboundMessage
 from sessions.models import Lease, Session
 
 
@@ -31,13 +31,13 @@ class _Told:
     floor_plan: str = ""
 
 
-class StandingOrders:
+class DesiredState:
     """Remembers what each robot was told."""
 
     def __init__(self) -> None:
         self._told: dict[str, _Told] = {}
 
-    def look(self, now: datetime.datetime) -> list[Letter]:
+    def look(self, now: datetime.datetime) -> list[OutboundMessage]:
         """Return what has changed since the last look; everything at the first one."""
         letters = []
         plans = FloorPlan.objects.values_list("pk", "sha256", "plan")
@@ -87,5 +87,5 @@ def _stamped(config: Config, now: datetime.datetime) -> Config:
     return msgspec.structs.replace(config, stamp=now.timestamp())
 
 
-def _retained(robot: str, suffix: str, payload: bytes) -> Letter:
-    return Letter(topics.of(robot, suffix), payload, retain=True)
+def _retained(robot: str, suffix: str, payload: bytes) -> OutboundMessage:
+    return OutboundMessage(topics.of(robot, suffix), payload, retain=True)

@@ -16,7 +16,7 @@ from robots.api import codec, messages, topics
 from robots.api.errors import Rejection
 from sessions import protocol
 from sessions.leases.readiness import ORDERED
-from sessions.manager.robot_liveness import Heard
+from sessions.manager.robot_liveness import RobotLiveness
 from sessions.recording.items import ActionItem, EventItem, PageItem, PhotoItem, StateItem
 from sessions.recording.recorder import Recorder
 
@@ -69,7 +69,7 @@ class Intake:
         self._wake_clockwork = wake_clockwork
         self._presence: deque[PresenceNews] = deque()
         self._fresh: deque[Fresh] = deque(maxlen=MAX_UNSENT)
-        self.heard: dict[str, Heard] = {}
+        self.heard: dict[str, RobotLiveness] = {}
         self.signs: dict[str, float] = {}  # visit: when its page last gave a sign
         self.counts: Counter[str] = Counter()
 
@@ -100,7 +100,7 @@ class Intake:
 
     def _hear_robot(self, robot: str, suffix: str, payload: bytes, now: float, *, retained: bool) -> None:
         message = codec.decode(suffix, payload, "from_robot")
-        heard = self.heard.get(robot) or self.heard.setdefault(robot, Heard())
+        heard = self.heard.get(robot) or self.heard.setdefault(robot, RobotLiveness())
         match message:
             case messages.State():
                 self._hear_state(robot, heard, message, payload, now)
@@ -121,7 +121,7 @@ class Intake:
             case bytes() if not _is_ordered(action := suffix.partition("/")[2]):
                 self._recorder.put(PhotoItem(robot, action, message, now))
 
-    def _hear_state(self, robot: str, heard: Heard, state: messages.State, payload: bytes, now: float) -> None:
+    def _hear_state(self, robot: str, heard: RobotLiveness, state: messages.State, payload: bytes, now: float) -> None:
         item = StateItem(robot, state, payload, now, heard.offset.seconds, late=not heard.take(state, now))
         self._recorder.put(item)
         if state.session is not None:

@@ -25,7 +25,7 @@ LONGEST = 500
 BOOT = Path("/proc/sys/kernel/random/boot_id")  # of this start of the computer (Linux)
 
 
-class LifeSign:
+class LockFile:
     """One process's side of it. Nothing here raises: without the file everything takes longer, and that is all."""
 
     def __init__(self, path: Path) -> None:

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 from robots.api import codec, messages, topics
 from robots.models import Robot
 from sessions import signals, system_log
-from sessions.leases.readiness import LEVEL, ORDERED, Condition, Kind, Order, Turnaround, decide
+from sessions.leases.readiness import LEVEL, ORDERED, Condition, Kind, Order, Readiness, decide
 from sessions.leases.store import LIVE
-from sessions.manager.robot_liveness import Heard
-from sessions.manager.scheduler import Letter, send
+from sessions.manager.robot_liveness import RobotLiveness
+from sessions.manager.scheduler import OutboundMessage, send
 from sessions.models import Lease
 
 logger = logging.getLogger(__name__)
@@ -35,13 +35,13 @@ class _Known:
     sees: bool
 
 
-class Homecoming:
+class ReturnToDock:
     """Everything that is remembered between two looks."""
 
     def __init__(self) -> None:
-        self._under_way: dict[str, Turnaround] = {}
+        self._under_way: dict[str, Readiness] = {}
 
-    def look(self, heard: Mapping[str, Heard], now: datetime.datetime) -> list[Letter]:
+    def look(self, heard: Mapping[str, RobotLiveness], now: datetime.datetime) -> list[OutboundMessage]:
         """Bring every robot that is not ready a step nearer to it; return what is to be said."""
         away = list(Robot.objects.exclude(turnaround=Robot.Turnaround.READY).select_related("floor_plan"))
         driven = set(Lease.objects.filter(robot__in=away, session__state__in=LIVE).values_list("robot_id", flat=True))
@@ -54,17 +54,17 @@ class Homecoming:
                 letters += self._bring(robot, heard.get(robot.name), now)
         return letters
 
-    def _let_be(self, robot: Robot, now: datetime.datetime) -> list[Letter]:
+    def _let_be(self, robot: Robot, now: datetime.datetime) -> list[OutboundMessage]:
         """An operator has taken it, or it need not go home any more."""
-        order = self._under_way.pop(robot.name, Turnaround()).order
-        self._save(robot, Turnaround("ready"), now)
+        order = self._under_way.pop(robot.name, Readiness()).order
+        self._save(robot, Readiness("ready"), now)
         if order is None or order.is_over(now.timestamp()):
             return []
         return [_letter(robot, messages.Cancel(**_signature(now), target=order.action_id))]
 
-    def _bring(self, robot: Robot, heard: Heard | None, now: datetime.datetime) -> list[Letter]:
+    def _bring(self, robot: Robot, heard: RobotLiveness | None, now: datetime.datetime) -> list[OutboundMessage]:
         known = _known(robot)
-        before = self._under_way.get(robot.name, Turnaround(reason=robot.turnaround_reason))
+        before = self._under_way.get(robot.name, Readiness(reason=robot.turnaround_reason))
         turnaround, kind = decide(_answered(before, heard), _condition(robot, known, heard, now), now.timestamp())
         letters = []
         if kind is not None:
@@ -76,7 +76,7 @@ class Homecoming:
         self._save(robot, turnaround, now)
         return letters
 
-    def _save(self, robot: Robot, turnaround: Turnaround, now: datetime.datetime) -> None:
+    def _save(self, robot: Robot, turnaround: Readiness, now: datetime.datetime) -> None:
         if (robot.turnaround, robot.turnaround_reason) == (turnaround.phase, turnaround.reason[:300]):
             return
         changed = Robot.objects.filter(pk=robot.pk, turnaround=robot.turnaround).update(
@@ -90,14 +90,14 @@ class Homecoming:
             system_log.log("robot_ready", robot=robot, at=now, after=robot.turnaround)
 
 
-def _answered(turnaround: Turnaround, heard: Heard | None) -> Turnaround:
+def _answered(turnaround: Readiness, heard: RobotLiveness | None) -> Readiness:
     """Take the robot's newest word about what it was told."""
     order = turnaround.order
     status = heard.answers.get(order.action_id) if heard is not None and order is not None else None
     return turnaround if status is None or order is None else replace(turnaround, order=replace(order, status=status.status, reason=status.reason))
 
 
-def _condition(robot: Robot, known: _Known, heard: Heard | None, now: datetime.datetime) -> Condition:
+def _condition(robot: Robot, known: _Known, heard: RobotLiveness | None, now: datetime.datetime) -> Condition:
     state = heard.state if heard is not None else None
     if heard is None or state is None or heard.state_at is None or now.timestamp() - heard.state_at > STATE_SILENCE:
         return Condition(heard=False)
@@ -133,5 +133,5 @@ def _signature(now: datetime.datetime) -> dict[str, object]:
     return {"action_id": f"{ORDERED}{secrets.token_hex(8)}", "stamp": now.timestamp(), "role": "server", "user": USER}
 
 
-def _letter(robot: Robot, action: messages.Action) -> Letter:
-    return Letter(topics.of(robot.name, "command/action"), codec.encode(action))
+def _letter(robot: Robot, action: messages.Action) -> OutboundMessage:
+    return OutboundMessage(topics.of(robot.name, "command/action"), codec.encode(action))

@@ -18,7 +18,7 @@ BY_ITSELF = frozenset({"goto", "docking"})
 
 
 @dataclass
-class Heard:
+class RobotLiveness:
     """One robot. Times in Unix seconds by our clock, of receipt."""
 
     heard_at: float = 0.0

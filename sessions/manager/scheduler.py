@@ -38,7 +38,7 @@ UNREAD = ("report", "doors", "description")  # of a robot, which nobody needs he
 
 
 @dataclass(frozen=True)
-class Letter:
+class OutboundMessage:
     """Something to publish at QoS 1; `retain` for leases."""
 
     topic: str
@@ -46,11 +46,11 @@ class Letter:
     retain: bool = False
 
 
-class Timekeeper:
+class Scheduler:
     """Everything that the session manager remembers between two looks; the rest is in the database."""
 
     def __init__(self) -> None:
-        self.outbox: deque[Letter] = deque()
+        self.outbox: deque[OutboundMessage] = deque()
         self._leases: dict[str, tuple[int, float]] = {}  # robot: epoch, when renewed
         self._counted: dict[str, tuple[int, int]] = {}  # robot: epoch, number of the newest copy
         self._places: dict[str, tuple[int, int, str]] = {}  # session: place, whole minutes, why it is not ready
@@ -177,7 +177,7 @@ class Timekeeper:
 
     def _news(self, kind: Any, session: str, now: datetime.datetime, **fields: Any) -> None:
         news = ServerNews(type=kind, stamp=now.timestamp(), session=session, **fields)
-        self.outbox.append(Letter(topics.session_news(session), codec.encode(news)))
+        self.outbox.append(OutboundMessage(topics.session_news(session), codec.encode(news)))
 
     @staticmethod
     def _note(session: str, kind: str, now: datetime.datetime, **data: Any) -> None:
@@ -247,7 +247,7 @@ class Timekeeper:
 
     def _publish_lease(self, robot: str, payload: bytes) -> None:
         # Before all news: whoever drives without a lease would go on for as long as those take.
-        self.outbox.appendleft(Letter(topics.of(robot, "lease"), payload, retain=True))
+        self.outbox.appendleft(OutboundMessage(topics.of(robot, "lease"), payload, retain=True))
 
     # --- ends --------------------------------------------------------------------------------------------------------
 

@@ -40,15 +40,15 @@ from robots.presence import PresenceWriter
 from sessions import signals, system_log
 from sessions.leases.transitions import Link
 from sessions.manager import notices
-from sessions.manager.desired_state import StandingOrders
+from sessions.manager.desired_state import DesiredState
 from sessions.manager.dispatch import send_all
 from sessions.manager.health import Fault, ManagerHealth, is_disk_full
 from sessions.manager.ingest import Intake, filters
 from sessions.manager.leadership import BEAT_SECONDS, WAIT_SECONDS, beat, give_back
-from sessions.manager.lock_file import LifeSign
-from sessions.manager.return_to_dock import Homecoming
+from sessions.manager.lock_file import LockFile
+from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.robot_liveness import PEER
-from sessions.manager.scheduler import Letter, Timekeeper, send
+from sessions.manager.scheduler import OutboundMessage, Scheduler, send
 from sessions.manager.task_group import until_one_ends
 from sessions.models import Session
 from sessions.recording.items import CloseItem
@@ -86,7 +86,7 @@ class SessionManager:
         self._rng = rng
         self._clock = clock
         self.holder = f"{socket.gethostname()}:{os.getpid()}:{secrets.token_hex(4)}"
-        self._life = LifeSign(settings.VAR_DIR / "session-manager.lock")
+        self._life = LockFile(settings.VAR_DIR / "session-manager.lock")
         self.recorder: Recorder | None = None
         self.connected = asyncio.Event()
         self._stopping = asyncio.Event()
@@ -129,8 +129,8 @@ class SessionManager:
             self._disk_watch.shutdown(wait=False)
 
     async def _be_the_one(self) -> None:
-        self._timekeeper = Timekeeper()
-        self._homecoming = Homecoming()
+        self._timekeeper = Scheduler()
+        self._homecoming = ReturnToDock()
         self._presence = PresenceWriter()
         self._loop = asyncio.get_running_loop()
         self.recorder = Recorder(functools.partial(self._loop.call_soon_threadsafe, self._ask_again), clock=self._clock)
@@ -232,7 +232,7 @@ class SessionManager:
             self._since = self._clock()
             broker_address.check_subscribed(await client.subscribe(filters()))
             await self._in_thread(self._clockwork, self._timekeeper.begin)
-            self._standing = StandingOrders()
+            self._standing = DesiredState()
             self.connected.set()
             logger.info("session_manager_connected host=%s port=%d", self._address.host, self._address.port)
             await until_one_ends(
@@ -283,7 +283,7 @@ class SessionManager:
                 system_log.log("robot_online" if change.online else "robot_offline", robot=change.robot, at=now, state=change.state)
                 send(signals.presence_changed, robot=change.robot, online=change.online, at=now)
         send(signals.looked, now=now)
-        self._timekeeper.outbox.extend(Letter(topic, payload) for topic, payload in notices.drain())
+        self._timekeeper.outbox.extend(OutboundMessage(topic, payload) for topic, payload in notices.drain())
         links = {robot: heard.link(self._since, self._intake.signs) for robot, heard in list(self._intake.heard.items())}
         closing = self._timekeeper.look(links, Link(since=self._since), now)
         self._timekeeper.outbox.extend(self._standing.look(now))
@@ -300,7 +300,7 @@ class SessionManager:
                 if outcome is not None:
                     raise outcome
 
-    async def _tell(self, letter: Letter) -> None:
+    async def _tell(self, letter: OutboundMessage) -> None:
         await self._client.publish(letter.topic, letter.payload, qos=1, retain=letter.retain)
         self._timekeeper.outbox.remove(letter)
 

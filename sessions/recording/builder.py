@@ -21,7 +21,7 @@ from sessions.models import NetworkSample, SessionEvent, Snapshot, SystemLog
 from sessions.recording.chunks import Chunk, Chunks
 from sessions.recording.items import ActionItem, CloseItem, EventItem, Item, PageItem, PhotoItem, StateItem
 from sessions.recording.photos import Photo, Photos
-from sessions.recording.sequence_tracker import Ledger, Loss
+from sessions.recording.sequence_tracker import Loss, SequenceTracker
 from sessions.recording.store import RecordStore, key_of, row_of
 
 logger = logging.getLogger(__name__)
@@ -44,7 +44,7 @@ class _Robot:
     session_at: float = 0.0
 
 
-class Transcript:
+class RecordBuilder:
     """Takes items and keeps rows until they are stored.
 
     Args:
@@ -57,7 +57,7 @@ class Transcript:
         self._ask = ask
         self._chunks = Chunks()
         self._photos = Photos()
-        self._ledgers: dict[str, dict[str, Ledger]] = {}
+        self._ledgers: dict[str, dict[str, SequenceTracker]] = {}
         self._restored: set[tuple[str, str]] = set()
         self._robots: dict[str, _Robot] = {}
         self._touched: set[str] = set()
@@ -111,10 +111,10 @@ class Transcript:
         self.counts["foreign_session"] += 1
         return None
 
-    def _ledger(self, robot: str, boot: str, session: str | None, now: float) -> Ledger:
+    def _ledger(self, robot: str, boot: str, session: str | None, now: float) -> SequenceTracker:
         stored = [] if session is None or (session, boot) in self._restored else self._store.stored(session, boot)
         runs = self._ledgers.setdefault(robot, {})
-        ledger = runs.setdefault(boot, Ledger())
+        ledger = runs.setdefault(boot, SequenceTracker())
         for oldest in list(runs)[: max(0, len(runs) - RUNS)]:
             del runs[oldest]
         if session is not None and (session, boot) not in self._restored:

@@ -15,7 +15,7 @@ from django.db import DatabaseError, InterfaceError, close_old_connections, conn
 
 from sessions.manager.health import is_disk_full
 from sessions.manager.leadership import STALE_SECONDS
-from sessions.recording.builder import Transcript
+from sessions.recording.builder import RecordBuilder
 from sessions.recording.items import Item
 from sessions.recording.store import RecordStore
 
@@ -74,7 +74,7 @@ class Recorder:
         self._buffer = Buffer(limit)
         self._clock = clock
         self._store = RecordStore()
-        self._transcript = Transcript(self._store, ask)
+        self._transcript = RecordBuilder(self._store, ask)
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._dropped = 0

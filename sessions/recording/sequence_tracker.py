@@ -88,7 +88,7 @@ class Loss:
 
 
 @dataclass
-class Ledger:
+class SequenceTracker:
     """The states of one run (`boot`) of one robot's agent."""
 
     seen: Intervals = field(default_factory=Intervals)

@@ -12,7 +12,7 @@ import traceback
 from pathlib import Path
 
 
-class Clerk:
+class DjangoShell:
     """The test's side of it."""
 
     def __init__(self, root: Path, environment: dict[str, str]) -> None:

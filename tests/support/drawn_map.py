@@ -7,7 +7,7 @@ import numpy as np
 from robots.api.geometry import MapTransform, Pose2D
 from robots.world.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from robots.world.raycaster import cast
-from robots.world.sensing import CENTRE, Beams
+from robots.world.sensing import CENTRE, LaserScan
 from robots.world.solids import Floats, edges, rectangle
 from robots.world.solids import Solid as _Solid
 
@@ -34,12 +34,12 @@ def standing(picture: str, cell: float, origin: Pose2D = CENTRE) -> Floats:
     return edges(tuple(solids))
 
 
-def beams_from(sides: Floats, pose: Pose2D, *, stamp: float = 0.0, count: int = 181, reach: float = 10.0, mount: Pose2D = CENTRE) -> Beams:
+def beams_from(sides: Floats, pose: Pose2D, *, stamp: float = 0.0, count: int = 181, reach: float = 10.0, mount: Pose2D = CENTRE) -> LaserScan:
     """Return what a laser of 240 degrees on a robot at `pose` sees, without noise."""
     first, each = math.radians(-120.0), math.radians(240.0) / (count - 1)
     eye = pose.compose(mount)
     ranges, _ = cast(sides, eye.x, eye.y, eye.theta + first + each * np.arange(count))
-    return Beams(stamp, first, each, reach, ranges, mount)
+    return LaserScan(stamp, first, each, reach, ranges, mount)
 
 
 def _lines(picture: str) -> list[str]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from robots.agent.autonomy.area import Area, area_of, update_of
 from robots.agent.autonomy.headless import Headless
-from robots.agent.autonomy.sensor_snapshot import Body, Perception
+from robots.agent.autonomy.sensor_snapshot import Body, SensorSnapshot
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import model_of
 from robots.api.messages import Velocity
@@ -41,7 +41,7 @@ class HeadlessRobot:
             self.beams = self.sim.beams() or self.beams
         motion = self.sim.motion
         velocity = Velocity(linear=motion.linear, angular=motion.angular)
-        wanted = self.autonomy.step(Perception(self.sim.time, self.sim.odometry, velocity, self.sim.docked, self.beams))
+        wanted = self.autonomy.step(SensorSnapshot(self.sim.time, self.sim.odometry, velocity, self.sim.docked, self.beams))
         if driver is not None:
             wanted = self.autonomy.assist(driver, level)
         self.sim.command(wanted.linear, wanted.angular)

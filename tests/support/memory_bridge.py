@@ -5,7 +5,7 @@ import collections
 import time
 
 from robots.api import codec, picture, topics
-from robots.bridge.delivery import LINK, Delivery, Letter
+from robots.bridge.delivery import LINK, Delivery, OutboundMessage
 
 
 class MemoryBridge:
@@ -86,11 +86,11 @@ class MemoryBridge:
     def lose_broker(self):
         self.connected = False
         self.delivery.lose_sight()
-        self.delivery.bring_everybody(Letter(LINK, False))
+        self.delivery.bring_everybody(OutboundMessage(LINK, False))
 
     def find_broker(self):
         self.connected = True
-        self.delivery.bring_everybody(Letter(LINK, True))
+        self.delivery.bring_everybody(OutboundMessage(LINK, True))
 
     def commands(self, suffix="command/velocity"):
         return [message for _, sent, message in self.sent if sent == suffix]

@@ -11,13 +11,13 @@ import numpy as np
 
 from robots.agent.localization.localizer import Localizer
 from robots.agent.navigation.navigator import Navigator
-from robots.agent.navigation.obstacles.memory import ObstacleMemory
+from robots.agent.navigation.obstacles.memory import RollingObstacleMap
 from robots.agent.navigation.planning.steps import Step
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Velocity
 from robots.world.grid import OccupancyGrid
-from robots.world.sensing import Beams, Estimate
+from robots.world.sensing import Estimate, LaserScan
 
 DT = 0.02
 TICKS = 5  # of the simulation a step of navigation
@@ -53,7 +53,7 @@ class Rig:
     def __init__(self, sim: Simulation, grid: OccupancyGrid, seed: int, *, localizer: bool = False) -> None:
         self.sim = sim
         self.navigator = Navigator(grid, sim.plan, sim.footprint, sim.model.limits, sim.model.series)
-        self.memory = ObstacleMemory()
+        self.memory = RollingObstacleMap()
         self.wander = Wander(np.random.default_rng([seed, 1]))
         self.localizer = Localizer(grid, np.random.default_rng([seed, 2])) if localizer else None
         if self.localizer:
@@ -65,7 +65,7 @@ class Rig:
         self.bumps = self.seen_collisions = 0
         self.collided_with: list[str] = []
         self.reasons: list[str] = []
-        self.beams: Beams | None = None
+        self.beams: LaserScan | None = None
         self.trail: list[Pose2D] = []
 
     def step(self) -> Step:
@@ -127,7 +127,7 @@ class Rig:
         if self.laser_works:
             laser = self.sim.model.laser
             mount = Pose2D(laser.x, 0.0, 0.0)
-            self.beams = Beams(self.sim.time, laser.angle_min, laser.angle_increment, laser.range_max, self.sim.scan(), mount)
+            self.beams = LaserScan(self.sim.time, laser.angle_min, laser.angle_increment, laser.range_max, self.sim.scan(), mount)
             self.memory.update(self.sim.odometry, self.beams)
 
     def _estimate(self) -> Estimate:

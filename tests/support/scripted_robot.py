@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from robots.agent.robot_interface import ActionProgress, AdapterError, Profile, RcaState
 from robots.agent.safety.ramp import ZERO
-from robots.agent.timing import Times
+from robots.agent.timing import TimeSource
 from robots.api import messages as m
 
 LIMITS = m.Limits(
@@ -47,7 +47,7 @@ class ScriptedRobot:
     refuses: str = ""  # non-empty: no action can be started
     hanging: bool = False  # an action that is started never answers
     finishes: bool = True  # actions run until their end, instead of for ever
-    times: Times = field(default_factory=Times)  # whose clock its readings and what it was told are stamped with
+    times: TimeSource = field(default_factory=TimeSource)  # whose clock its readings and what it was told are stamped with
 
     def __post_init__(self):
         self.lock = threading.Lock()

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from telepresence_site.serving import APPLICATION, DAPHNE
-from tests.support.clerk import Clerk
+from tests.support.clerk import DjangoShell
 from tests.support.collected import collected_files
 from tests.support.paths import ROOT
 from tests.support.patience import patient
@@ -86,7 +86,7 @@ class Site:
     settings: dict[str, str] = field(default_factory=dict)
     processes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
     commands: dict[str, list[str]] = field(default_factory=dict)
-    clerk: Clerk | None = None
+    clerk: DjangoShell | None = None
 
     @property
     def url(self) -> str:
@@ -124,7 +124,7 @@ class Site:
 
     def django(self, code: str) -> str:
         """Run Python with Django set up, and return what it prints."""
-        self.clerk = self.clerk or Clerk(ROOT, self.environment)
+        self.clerk = self.clerk or DjangoShell(ROOT, self.environment)
         return self.clerk.ask(code)
 
     def rows(self, sql: str, *values: Any) -> list[tuple[Any, ...]]:

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Coroutine
 from typing import Any, Self
 
-from robots.agent.timing import Times
+from robots.agent.timing import TimeSource
 from tests.support.patience import patient
 
 POLL_INTERVAL_S = 0.005
@@ -76,7 +76,7 @@ class VirtualTime:
 
     def __init__(self) -> None:
         self.loop = VirtualLoop()
-        self.times = Times(self.now, self.unix)
+        self.times = TimeSource(self.now, self.unix)
 
     def __enter__(self) -> Self:
         return self
@@ -128,7 +128,7 @@ async def _gather(tasks: set[asyncio.Task[Any]]) -> None:
 class RealTime:
     """The computer's clocks, for what is about threads, processes and the computer itself."""
 
-    times = Times()
+    times = TimeSource()
     now = staticmethod(time.monotonic)
     unix = staticmethod(time.time)
     sleep = staticmethod(time.sleep)

@@ -15,9 +15,9 @@ import numpy as np
 from robots.agent import framing
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.area import AreaError, area_of
-from robots.agent.autonomy.navigation_node import Mind, OrderError
+from robots.agent.autonomy.navigation_node import NavigationNode, OrderError
 from robots.processes import interrupted_by_signals
-from robots.world.sensing import Beams
+from robots.world.sensing import LaserScan
 
 log = logging.getLogger(__name__)
 PIECE = 256 << 10
@@ -28,8 +28,8 @@ class Conversation:
 
     def __init__(self, send: Callable[[wire.Word], None]) -> None:
         self._send = send
-        self._mind: Mind | None = None
-        self._beams: Beams | None = None
+        self._mind: NavigationNode | None = None
+        self._beams: LaserScan | None = None
 
     def take(self, messages: Sequence[wire.ToMind]) -> None:
         """Do what was said since the last time, in order; of several perceptions only the newest is worth a thought.
@@ -62,7 +62,7 @@ class Conversation:
 
     def _settle(self, message: wire.Settle) -> str:
         try:
-            self._mind = Mind(area_of(message.area), message.body, np.random.default_rng(message.seed))
+            self._mind = NavigationNode(area_of(message.area), message.body, np.random.default_rng(message.seed))
         except AreaError as error:
             return str(error) or type(error).__name__
         return ""

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from robots.agent.autonomy.area import Area
-from robots.agent.autonomy.navigation_node import Mind
-from robots.agent.autonomy.pose_extrapolator import Whereabouts
-from robots.agent.autonomy.sensor_snapshot import Body, Perception, Thought
+from robots.agent.autonomy.navigation_node import NavigationNode
+from robots.agent.autonomy.pose_extrapolator import PoseExtrapolator
+from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput, SensorSnapshot
 from robots.agent.cadence import Cadence
 from robots.agent.robot_interface import ActionProgress
 from robots.agent.safety.collision_monitor import CollisionMonitor
@@ -34,13 +34,13 @@ class Headless:
         self._laser = LaserSource(Laser(x=0.0))  # sweeps come with their mount
         self.monitor = CollisionMonitor(body.footprint, body.limits, [self._laser])
         self._told = ZERO
-        self.mind = Mind(area, body, rng)
-        self.whereabouts = Whereabouts()
+        self.mind = NavigationNode(area, body, rng)
+        self.whereabouts = PoseExtrapolator()
         self.news: list[ActionProgress] = []
-        self.thought: Thought | None = None
+        self.thought: NavigationOutput | None = None
         self.path: tuple[Point, ...] = ()
         self._due = Cadence(thinking)
-        self._moment: Perception | None = None
+        self._moment: SensorSnapshot | None = None
 
     @property
     def pose(self) -> Pose:
@@ -60,7 +60,7 @@ class Headless:
         """
         self.mind.begin(action)
 
-    def step(self, moment: Perception) -> Velocity:
+    def step(self, moment: SensorSnapshot) -> Velocity:
         """Take a moment, its newest sweep included, and return what the running action wants, ZERO without one; 20 Hz or more."""
         before, self._moment = self._moment, moment
         new = moment.beams is not None and (before is None or moment.beams is not before.beams)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robots.agent.autonomy.area import Area, AreaError, own_dock
-from robots.agent.autonomy.sensor_snapshot import Body, Perception, Thought
+from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput, SensorSnapshot
 from robots.agent.cadence import Cadence
 from robots.agent.localization.localizer import Localizer
 from robots.agent.localization.reported import ReportedLocalizer
@@ -48,7 +48,7 @@ class _Running:
     said: str = ""
 
 
-class Mind:
+class NavigationNode:
     """One robot in one site. It does not know where it is until it is placed or has found itself."""
 
     def __init__(self, area: Area, body: Body, rng: np.random.Generator) -> None:
@@ -149,7 +149,7 @@ class Mind:
 
     # --- thinking ------------------------------------------------------------------------------------------------------
 
-    def think(self, perception: Perception) -> Thought:
+    def think(self, perception: SensorSnapshot) -> NavigationOutput:
         """Return what follows from one moment."""
         self._now = perception.stamp
         self._anchor(perception)
@@ -161,7 +161,7 @@ class Mind:
         path = None if self._path is self._told_path else self._path
         self._told_path = self._path
         news, self._news = tuple(self._news), []
-        return Thought(
+        return NavigationOutput(
             stamp=perception.stamp,
             odometry=perception.odometry,
             pose=estimate.pose,
@@ -173,7 +173,7 @@ class Mind:
             path=path,
         )
 
-    def _anchor(self, perception: Perception) -> None:
+    def _anchor(self, perception: SensorSnapshot) -> None:
         """A robot that feels the contacts of its only dock knows where it is."""
         came, self._had_contact = perception.charger_contact and not self._had_contact, perception.charger_contact
         if not came or self._dock is None:
@@ -182,7 +182,7 @@ class Mind:
         if estimate is None or not estimate.localized or estimate.pose.distance(dock) > DOCK_DOUBT:
             self.place(dock, DOCK_SPREAD, DOCK_TURN)
 
-    def _drive(self, estimate: Estimate, perception: Perception) -> Velocity | None:
+    def _drive(self, estimate: Estimate, perception: SensorSnapshot) -> Velocity | None:
         step = self.navigator.step(
             estimate=estimate,
             odometry=perception.odometry,

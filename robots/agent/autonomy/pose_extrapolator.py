@@ -1,6 +1,6 @@
 """Where the robot is now, between two thoughts: the newest one's pose, moved on by the odometry."""
 
-from robots.agent.autonomy.sensor_snapshot import Thought
+from robots.agent.autonomy.sensor_snapshot import NavigationOutput
 from robots.agent.robot_interface import NOWHERE
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Pose
@@ -9,15 +9,15 @@ STALE = 2.0  # seconds without a thought after which dead reckoning is no locali
 LARGEST = 1e9  # variances beyond that tell nothing more, and the wire knows no infinity
 
 
-class Whereabouts:
+class PoseExtrapolator:
     """The pose of a robot that thinks ten or twenty times a second and moves all the time."""
 
     def __init__(self) -> None:
-        self._thought: Thought | None = None
+        self._thought: NavigationOutput | None = None
         self._map_from_odometry: Pose2D | None = None
         self._at = float("-inf")
 
-    def take(self, thought: Thought, now: float) -> None:
+    def take(self, thought: NavigationOutput, now: float) -> None:
         """Take a thought; `now` is monotonic time in seconds."""
         self._thought, self._at = thought, now
         self._map_from_odometry = thought.pose.compose(thought.odometry.inverse())

@@ -7,7 +7,7 @@ import numpy as np
 from robots.agent.robot_interface import ActionProgress
 from robots.api.geometry import Pose2D
 from robots.api.messages import Laser, Limits, Point, Pose, Scan, Velocity
-from robots.world.sensing import Beams, Covariance, Floats
+from robots.world.sensing import Covariance, Floats, LaserScan
 
 NO_POINTS: Floats = np.zeros((0, 2))
 
@@ -23,7 +23,7 @@ class Body:
 
 
 @dataclass(frozen=True, eq=False)
-class Perception:
+class SensorSnapshot:
     """One moment of a robot's own sensors.
 
     `stamp` in seconds by the robot's clock, `odometry` in a frame of its own, `beams` the newest sweep, `points` (n, 2) what stands about
@@ -34,13 +34,13 @@ class Perception:
     odometry: Pose2D
     velocity: Velocity
     charger_contact: bool = False
-    beams: Beams | None = None
+    beams: LaserScan | None = None
     points: Floats = field(default_factory=lambda: NO_POINTS)
     pose: Pose | None = None
 
 
 @dataclass(frozen=True)
-class Thought:
+class NavigationOutput:
     """What a mind makes of a perception.
 
     `pose` in the map at `stamp`, when the odometry was `odometry`. `wanted` is None while no action moves the robot. `news` tells of
@@ -58,8 +58,8 @@ class Thought:
     path: tuple[Point, ...] | None = None
 
 
-def beams_of(scan: Scan, laser: Laser) -> Beams:
+def beams_of(scan: Scan, laser: Laser) -> LaserScan:
     """Return a scan as the sweep of a laser that sits where `laser` says; `null` is where nothing came back."""
     ranges = np.array([np.inf if value is None else value for value in scan.ranges], dtype=np.float64)
     mount = Pose2D(laser.x, laser.y, laser.theta)
-    return Beams(scan.stamp, scan.angle_min, scan.angle_increment, scan.range_max, ranges, mount)
+    return LaserScan(scan.stamp, scan.angle_min, scan.angle_increment, scan.range_max, ranges, mount)

@@ -7,10 +7,10 @@ import numpy as np
 from msgspec import Struct, msgpack
 
 from robots.agent import framing
-from robots.agent.autonomy.sensor_snapshot import Body, Perception, Thought
+from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput, SensorSnapshot
 from robots.api.geometry import Pose2D
 from robots.api.messages import Dock, FloorPlanUpdate, Follow, Goto, Pose, Relocalize, Undock, Velocity
-from robots.world.sensing import Beams
+from robots.world.sensing import LaserScan
 
 
 class Word(Struct, frozen=True, tag=True, array_like=True):
@@ -91,7 +91,7 @@ class Answer(Word, frozen=True):
 class Thinks(Word, frozen=True):
     """What followed from the newest perception."""
 
-    thought: Thought
+    thought: NavigationOutput
 
 
 ToMind = Settle | Place | Order | Drop | Perceive
@@ -119,7 +119,7 @@ def unpack_answer(body: bytes) -> FromMind:
     return framing.unpack(_from_mind, body)
 
 
-def perceive(moment: Perception, *, new: bool) -> Perceive:
+def perceive(moment: SensorSnapshot, *, new: bool) -> Perceive:
     """Return a perception as a message, with its sweep when that is `new`."""
     sweep = None
     if new and moment.beams is not None:
@@ -131,7 +131,7 @@ def perceive(moment: Perception, *, new: bool) -> Perceive:
     )
 
 
-def perceived(message: Perceive, beams: Beams | None) -> Perception:
+def perceived(message: Perceive, beams: LaserScan | None) -> SensorSnapshot:
     """Return the perception of a message; `beams` is the newest sweep, its own or an earlier one.
 
     Raises:
@@ -141,10 +141,10 @@ def perceived(message: Perceive, beams: Beams | None) -> Perception:
         points = np.frombuffer(message.points, dtype=np.float32).astype(np.float64).reshape(-1, 2)
     except ValueError as error:
         raise framing.WireError(str(error)) from error
-    return Perception(message.stamp, message.odometry, message.velocity, message.charger_contact, beams, points, message.pose)
+    return SensorSnapshot(message.stamp, message.odometry, message.velocity, message.charger_contact, beams, points, message.pose)
 
 
-def beams_in(sweep: Sweep) -> Beams:
+def beams_in(sweep: Sweep) -> LaserScan:
     """Return the sweep of a message.
 
     Raises:
@@ -154,4 +154,4 @@ def beams_in(sweep: Sweep) -> Beams:
         ranges = np.frombuffer(sweep.ranges, dtype=np.float32).astype(np.float64)
     except ValueError as error:
         raise framing.WireError(str(error)) from error
-    return Beams(sweep.stamp, sweep.angle_min, sweep.angle_increment, sweep.range_max, ranges, sweep.mount)
+    return LaserScan(sweep.stamp, sweep.angle_min, sweep.angle_increment, sweep.range_max, ranges, sweep.mount)

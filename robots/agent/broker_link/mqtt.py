@@ -23,7 +23,7 @@ from paho.mqtt.reasoncodes import ReasonCode
 
 from robots.agent.backoff import Backoff
 from robots.agent.broker_link.broker_discovery import believed
-from robots.agent.broker_link.outbox import Letter, Outbox, letter
+from robots.agent.broker_link.outbox import OutboundMessage, Outbox, letter
 from robots.api import codec, topics
 from robots.api.errors import Rejection
 from robots.api.messages import Connection, Factsheet
@@ -197,7 +197,7 @@ class MqttLink:
             self._wake.clear()
             await self._wake.wait()
 
-    async def _deliver(self, client: Client, message: Letter) -> None:
+    async def _deliver(self, client: Client, message: OutboundMessage) -> None:
         await client.publish(self._topic(message.suffix), message.payload, qos=message.qos, retain=message.retained)
         self.outbox.acknowledged(message)
         self._wake.set()

@@ -16,7 +16,7 @@ ONE_AT_A_TIME = frozenset({"picture"})  # of these none waits behind another of 
 
 
 @dataclass(frozen=True, eq=False)
-class Letter:
+class OutboundMessage:
     """One message: its suffix, its payload, and how the broker is to treat it."""
 
     suffix: str
@@ -25,7 +25,7 @@ class Letter:
     retained: bool
 
 
-def letter(suffix: str, payload: bytes) -> Letter:
+def letter(suffix: str, payload: bytes) -> OutboundMessage:
     """Return a letter as the topic table wants it sent.
 
     Raises:
@@ -34,15 +34,15 @@ def letter(suffix: str, payload: bytes) -> Letter:
     topic = topics.find(suffix)
     if topic is None:
         raise ValueError(f"no topic {suffix}")
-    return Letter(suffix, payload, topic.qos, topic.retained)
+    return OutboundMessage(suffix, payload, topic.qos, topic.retained)
 
 
 class Outbox:
     """A queue, bounded in messages and bytes; the oldest goes first, also when there is no room (counted in `lost`)."""
 
     def __init__(self, messages: int = MESSAGES, size: int = BYTES) -> None:
-        self._waiting: deque[Letter] = deque()
-        self._sent: dict[int, Letter] = {}
+        self._waiting: deque[OutboundMessage] = deque()
+        self._sent: dict[int, OutboundMessage] = {}
         self._limits = messages, size
         self._bytes = 0
         self.lost = 0
@@ -55,7 +55,7 @@ class Outbox:
         """Return how many letters are on their way."""
         return len(self._sent)
 
-    def put(self, message: Letter, *, connected: bool) -> None:
+    def put(self, message: OutboundMessage, *, connected: bool) -> None:
         """Take a letter; one that is of its moment only when `connected`."""
         if not connected and message.suffix.partition("/")[0] not in KEPT:
             return
@@ -77,14 +77,14 @@ class Outbox:
             self.lost += 1
         return all(sent.suffix != suffix for sent in self._sent.values())
 
-    def take(self) -> Letter:
+    def take(self) -> OutboundMessage:
         """Return the next letter, which counts as on its way until `acknowledged`."""
         message = self._waiting.popleft()
         self._bytes -= len(message.payload)
         self._sent[id(message)] = message
         return message
 
-    def acknowledged(self, message: Letter) -> None:
+    def acknowledged(self, message: OutboundMessage) -> None:
         """The broker has it."""
         self._sent.pop(id(message), None)
 

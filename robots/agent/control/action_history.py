@@ -8,7 +8,7 @@ KEPT = 1000
 ENDED = frozenset({"FINISHED", "FAILED", "CANCELLED"})
 
 
-class Ledger:
+class ActionHistory:
     """The last status of the newest actions, by id."""
 
     def __init__(self) -> None:

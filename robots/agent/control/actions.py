@@ -9,16 +9,16 @@ import av
 import msgspec
 
 from robots.agent.cadence import Cadence
-from robots.agent.control.action_history import ENDED, Ledger
+from robots.agent.control.action_history import ENDED, ActionHistory
 from robots.agent.control.calls import Calls
-from robots.agent.control.publisher import WaysOut
+from robots.agent.control.publisher import Publisher
 from robots.agent.control.reports import Reports
 from robots.agent.control.supervised_adapter import AdapterLink
 from robots.agent.media.photos import develop
 from robots.agent.robot_interface import ActionProgress, AdapterError, Frame
 from robots.agent.safety.kernel import Kernel
 from robots.agent.safety.permissions import MOTION, Sender, role_of
-from robots.agent.timing import Times
+from robots.agent.timing import TimeSource
 from robots.api.messages import (
     Action,
     ActionState,
@@ -71,19 +71,19 @@ class Actions:
         kernel: Kernel,
         adapter: AdapterLink,
         reports: Reports,
-        out: WaysOut,
+        out: Publisher,
         *,
         snapshot: Callable[[], Frame | None],
         latch_changed: Callable[[], Coroutine[Any, Any, None]],
         turn_wheels: Callable[[], None],
         spawn: Spawn,
-        times: Times,
+        times: TimeSource,
         calls: Calls,
     ) -> None:
         self._kernel, self._adapter, self._reports, self._out = kernel, adapter, reports, out
         self._snapshot, self._latch_changed, self._turn_wheels, self._spawn, self._times = snapshot, latch_changed, turn_wheels, spawn, times
         self._calls = calls
-        self._ledger = Ledger()
+        self._ledger = ActionHistory()
         self._refusals = Cadence(REFUSALS_ANSWERED)
         self._photos = 0
         self._waiting: Action | None = None  # to be begun when the robot stands

@@ -15,7 +15,7 @@ from robots.agent.autonomy.area import dock_of
 from robots.agent.cadence import Cadence
 from robots.agent.control.actions import Actions
 from robots.agent.control.calls import NOTHING, Calls
-from robots.agent.control.publisher import Link, Media, WaysOut
+from robots.agent.control.publisher import Link, Media, Publisher
 from robots.agent.control.remote_pointer import Pointing
 from robots.agent.control.reports import Reports
 from robots.agent.control.supervised_adapter import AdapterLink
@@ -31,7 +31,7 @@ from robots.agent.safety.obstacle_sources import NO_POINTS
 from robots.agent.safety.permissions import Sender
 from robots.agent.safety.ramp import ZERO
 from robots.agent.store import Store
-from robots.agent.timing import Times
+from robots.agent.timing import TimeSource
 from robots.api import codec
 from robots.api.floorplan import Dock as Station
 from robots.api.messages import (
@@ -67,7 +67,7 @@ RUNS_ON = "runs_on"
 
 
 @dataclass(frozen=True)
-class Parts:
+class DispatcherParts:
     """What a pilot is made of."""
 
     kernel: Kernel
@@ -75,19 +75,19 @@ class Parts:
     link: Link
     media: Media
     store: Store
-    times: Times
+    times: TimeSource
     boot: str
     networks: Networks = CLEAN
     monitor: CollisionMonitor | None = None
 
 
-class Pilot:
+class CommandDispatcher:
     """The handlers. `spawn` runs a coroutine beside the loop."""
 
-    def __init__(self, parts: Parts, spawn: Callable[[Coroutine[Any, Any, None]], None]) -> None:
+    def __init__(self, parts: DispatcherParts, spawn: Callable[[Coroutine[Any, Any, None]], None]) -> None:
         self._kernel, self._adapter, self._media, self._monitor = parts.kernel, parts.adapter, parts.media, parts.monitor
         self._store, self._times, self._spawn = parts.store, parts.times, spawn
-        self.out = WaysOut(parts.link, parts.media)
+        self.out = Publisher(parts.link, parts.media)
         self._calls, self._passing, self._pointing = Calls(), NOTHING, Pointing()
         self._own_networks, self._networks = parts.networks, CLEAN
         self._line: TimedLine | None = None

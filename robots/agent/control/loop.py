@@ -12,7 +12,7 @@ from collections.abc import Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-from robots.agent.control.dispatcher import Parts, Pilot
+from robots.agent.control.dispatcher import CommandDispatcher, DispatcherParts
 from robots.agent.control.ingress import Ingress
 from robots.agent.control.publisher import Link, Media
 from robots.agent.control.supervised_adapter import AdapterLink
@@ -23,7 +23,7 @@ from robots.agent.safety.collision_monitor import monitor_of
 from robots.agent.safety.kernel import Kernel
 from robots.agent.store import Store
 from robots.agent.thread_priority import FIRST, ORDINARY, set_nice
-from robots.agent.timing import Times
+from robots.agent.timing import TimeSource
 from robots.api.messages import Capability, Message, Role, SignalReply
 from robots.cancellation import cancel
 
@@ -58,7 +58,7 @@ class ControlLoop:
         store: Store,
         boot: str,
         rng: random.Random,
-        times: Times | None = None,
+        times: TimeSource | None = None,
         networks: Networks = CLEAN,
     ) -> None:
         profile = adapter.profile
@@ -70,10 +70,10 @@ class ControlLoop:
         )
         self.failed = True  # until it has ended well; why it did not, threading.excepthook is told
         self._adapter, self._link, self._store, self._boot = AdapterLink(adapter, rng=rng), link, store, boot
-        self._times, self._networks = times or Times(), networks
+        self._times, self._networks = times or TimeSource(), networks
         self._thread = threading.Thread()
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._pilot: Pilot | None = None
+        self._pilot: CommandDispatcher | None = None
         self._closing = threading.Event()
         self._ready, self._ended = threading.Event(), threading.Event()
         self._beside: set[asyncio.Task[None]] = set()
@@ -120,8 +120,8 @@ class ControlLoop:
         loop = self._loop = asyncio.get_running_loop()
         # What is done beside the loop (disks, pictures, a simulator that is started) has no business to go first.
         loop.set_default_executor(ThreadPoolExecutor(thread_name_prefix="beside", initializer=set_nice, initargs=(ORDINARY,)))
-        parts = Parts(self.kernel, self._adapter, self._link, media, self._store, self._times, self._boot, self._networks, self._monitor)
-        pilot = self._pilot = Pilot(parts, self._spawn)
+        parts = DispatcherParts(self.kernel, self._adapter, self._link, media, self._store, self._times, self._boot, self._networks, self._monitor)
+        pilot = self._pilot = CommandDispatcher(parts, self._spawn)
         adapter = asyncio.create_task(self._adapter.run(pilot))
         link = asyncio.create_task(self._link.run(pilot))
         self._ready.set()
@@ -148,7 +148,7 @@ class ControlLoop:
             self._ready.set()
             self._ended.set()
 
-    async def _until_closing(self, pilot: Pilot, vital: set[asyncio.Task[None]]) -> None:
+    async def _until_closing(self, pilot: CommandDispatcher, vital: set[asyncio.Task[None]]) -> None:
         """Tick at 50 Hz, and at the very moment of the deadman, until `close()` was called or one of `vital` fails."""
         next_tick = self._times.now()
         while not self._closing.is_set():
@@ -164,7 +164,7 @@ class ControlLoop:
             wake = min(next_tick, pilot.deadline() or next_tick)
             await asyncio.sleep(max(0.0, wake - self._times.now()))
 
-    async def _until_standing(self, pilot: Pilot) -> None:
+    async def _until_standing(self, pilot: CommandDispatcher) -> None:
         until = self._times.now() + BRAKING_TIME
         while not pilot.stands and self._times.now() < until:
             pilot.tick()

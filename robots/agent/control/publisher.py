@@ -77,7 +77,7 @@ class Media(Protocol):
         """What is put on the driver's picture and sound."""
 
 
-class WaysOut:
+class Publisher:
     """Sends a message on all the ways that its topic travels on."""
 
     def __init__(self, link: Link, media: Media) -> None:

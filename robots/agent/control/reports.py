@@ -14,7 +14,7 @@ from robots.agent.cadence import Cadence
 from robots.agent.robot_interface import NOWHERE, UNKNOWN_BATTERY, RcaState
 from robots.agent.safety.kernel import STANDSTILL, Kernel
 from robots.agent.safety.ramp import ZERO
-from robots.agent.timing import Times
+from robots.agent.timing import TimeSource
 from robots.api import docked
 from robots.api.docked import DockReading, DockState
 from robots.api.messages import (
@@ -72,7 +72,7 @@ class Reports:
         kernel: Kernel,
         send: Send,
         viewers: Callable[[], int],
-        times: Times,
+        times: TimeSource,
         *,
         screens: Callable[[], int] = int,
         call: Callable[[], CallState | None] = lambda: None,

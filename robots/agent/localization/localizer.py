@@ -19,13 +19,13 @@ from robots.agent.localization.field import field_of
 from robots.agent.localization.global_search import Found, GlobalSearch, Search, Searching
 from robots.agent.localization.motion_model import MotionNoise, move
 from robots.agent.localization.odometry import Track
-from robots.agent.localization.particle_filter import Cloud, Cluster, Sampling, around, evenly, heaviest, places
+from robots.agent.localization.particle_filter import Cluster, ParticleSet, Sampling, around, evenly, heaviest, places
 from robots.agent.localization.scan_matching import Matching, refine
 from robots.agent.localization.score import Scoring, decay, quality, way_of
 from robots.agent.localization.sensor_model import Agreement, SensorModel, Sweep, agreement, likelihood_field, sweep_of
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.grid import OccupancyGrid
-from robots.world.sensing import CENTRE, Beams, Covariance, Estimate, Floats
+from robots.world.sensing import CENTRE, Covariance, Estimate, Floats, LaserScan
 
 NOWHERE: Covariance = (1e4, 0.0, 0.0, 1e4, 0.0, 10.0)  # variances of somebody who knows nothing
 FLOOR = np.diag([0.02**2, 0.02**2, 0.01**2])  # what cells of five centimetres leave open however much the guesses agree
@@ -87,7 +87,7 @@ class Localizer:
 
     def forget(self) -> None:
         """Know nothing about the pose any more: the next sweep starts a search of the whole map."""
-        self.cloud: Cloud | None = None
+        self.cloud: ParticleSet | None = None
         self.believed: Cluster | None = None
         self.confidence = self.fit = 0.0
         self.judged = Agreement(np.zeros(1), np.zeros(1), np.zeros(1))
@@ -111,7 +111,7 @@ class Localizer:
         self.believed = heaviest(self.cloud, 3.0 * spread + 0.1, math.pi)
         self._weighed_from = self.track.newest()
 
-    def update(self, stamp: float, odometry: Pose2D, beams: Beams | None) -> Estimate:
+    def update(self, stamp: float, odometry: Pose2D, beams: LaserScan | None) -> Estimate:
         """Take what the robot's sensors say and return where it is at `stamp`.
 
         Args:
@@ -166,7 +166,7 @@ class Localizer:
         self._proven += way_of(step)
         poses = move(self.cloud.poses, step, self.settings.motion, self.rng)
         evidence = self._telling() * self._evidence(poses, sweep)
-        cloud = Cloud(poses, self.cloud.weights).weighed(evidence - 5.0 * ~self.field.is_free(poses[:, 0], poses[:, 1]))
+        cloud = ParticleSet(poses, self.cloud.weights).weighed(evidence - 5.0 * ~self.field.is_free(poses[:, 0], poses[:, 1]))
         self.believed = self._match(cloud, sweep)
         self._judge(self.believed.mean[None], sweep, stamp)
         self._contested = self.believed.share < self.settings.clear
@@ -186,7 +186,7 @@ class Localizer:
         judged = agreement(self.field, self.settings.sensor, poses[best], sweep.thinned(self.settings.beams))
         return fits + (self.settings.sensor.worth * judged.against_others - fits[best])[owner]
 
-    def _match(self, cloud: Cloud, sweep: Sweep) -> Cluster:
+    def _match(self, cloud: ParticleSet, sweep: Sweep) -> Cluster:
         """Return the heaviest cluster, its mean moved onto the map if it fits better there."""
         cluster = heaviest(cloud, self.settings.cluster, self.settings.cluster_turn)
         prior = np.asarray(np.linalg.inv(cluster.covariance + FLOOR), dtype=np.float64) / self._telling()
@@ -240,14 +240,14 @@ class Localizer:
         if self.cloud is not None:
             guesses = np.vstack([self.cloud.poses, guesses])
             weights = np.concatenate([self.cloud.weights * stay, weights])
-        self.cloud = Cloud(guesses, weights / weights.sum())
+        self.cloud = ParticleSet(guesses, weights / weights.sum())
         self._contested = True
 
     def _open_up(self) -> None:
         """Allow for what may have happened while the wheels' counters were away."""
         if self.cloud is not None:
             spread = self.rng.standard_normal(self.cloud.poses.shape) * (0.15, 0.15, math.radians(8.0))
-            self.cloud = Cloud(self.cloud.poses + spread, self.cloud.weights)
+            self.cloud = ParticleSet(self.cloud.poses + spread, self.cloud.weights)
 
     def _estimate(self, stamp: float, here: Pose2D) -> Estimate:
         if self.believed is None:

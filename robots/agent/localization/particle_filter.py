@@ -26,22 +26,22 @@ class Sampling:
 
 
 @dataclass(frozen=True, eq=False)
-class Cloud:
+class ParticleSet:
     """Guesses: `poses` (n, 3) x, y, theta and `weights` (n,) that sum to one."""
 
     poses: Floats
     weights: Floats
 
-    def weighed(self, log_likelihoods: Floats) -> "Cloud":
+    def weighed(self, log_likelihoods: Floats) -> "ParticleSet":
         """Return the same guesses after evidence (n,)."""
         weights = self.weights * np.exp(log_likelihoods - log_likelihoods.max())
-        return Cloud(self.poses, weights / weights.sum())
+        return ParticleSet(self.poses, weights / weights.sum())
 
     def is_worn(self) -> bool:
         """Tell whether so few guesses carry the weight that it is time to draw anew."""
         return bool(1.0 / (self.weights**2).sum() < 0.5 * len(self.weights))
 
-    def drawn(self, sampling: Sampling, rng: np.random.Generator) -> "Cloud":
+    def drawn(self, sampling: Sampling, rng: np.random.Generator) -> "ParticleSet":
         """Return guesses of equal weight, drawn by the weights at even distances (low variance sampling)."""
         count = needed(self.poses[self.weights > 0.01 / len(self.weights)], sampling)
         ladder = (rng.random() + np.arange(count)) / count
@@ -49,9 +49,9 @@ class Cloud:
         return evenly(self.poses[chosen])
 
 
-def evenly(poses: Floats) -> Cloud:
+def evenly(poses: Floats) -> ParticleSet:
     """Return guesses of equal weight."""
-    return Cloud(poses, np.full(len(poses), 1.0 / len(poses)))
+    return ParticleSet(poses, np.full(len(poses), 1.0 / len(poses)))
 
 
 def around(poses: Floats, counts: npt.NDArray[np.intp], place: float, heading: float, rng: np.random.Generator) -> Floats:
@@ -103,7 +103,7 @@ def places(poses: Floats, fits: Floats, reach: float, turn: float) -> tuple[npt.
     return owner, np.array(best, dtype=np.intp)
 
 
-def heaviest(cloud: Cloud, reach: float, turn: float) -> Cluster:
+def heaviest(cloud: ParticleSet, reach: float, turn: float) -> Cluster:
     """Return the cluster with the most weight: all within `reach` metres and `turn` radians of where the guesses are densest."""
     owner = groups(cloud.poses, reach, turn)
     centre = moments(cloud, owner == np.argmax(np.bincount(owner, cloud.weights)))
@@ -114,7 +114,7 @@ def heaviest(cloud: Cloud, reach: float, turn: float) -> Cluster:
     return centre
 
 
-def moments(cloud: Cloud, chosen: npt.NDArray[np.bool_]) -> Cluster:
+def moments(cloud: ParticleSet, chosen: npt.NDArray[np.bool_]) -> Cluster:
     """Return mean and covariance of the chosen guesses, at least one; headings are averaged on the circle."""
     poses, weights = cloud.poses[chosen], cloud.weights[chosen]
     share = float(weights.sum())

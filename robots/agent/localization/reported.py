@@ -4,7 +4,7 @@ import math
 
 from robots.api.geometry import Pose2D
 from robots.api.messages import Pose
-from robots.world.sensing import Beams, Estimate
+from robots.world.sensing import Estimate, LaserScan
 
 
 class ReportedLocalizer:
@@ -23,7 +23,7 @@ class ReportedLocalizer:
     def forget(self) -> None:
         """Do nothing: the architecture knows."""
 
-    def update(self, stamp: float, odometry: Pose2D, beams: Beams | None) -> Estimate:  # noqa: ARG002 -- as our own
+    def update(self, stamp: float, odometry: Pose2D, beams: LaserScan | None) -> Estimate:  # noqa: ARG002 -- as our own
         """Return what was reported last, as lost when it was nothing."""
         pose = self._pose
         if pose is None or not pose.localized:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robots.agent.localization.field import Field
-from robots.world.sensing import Beams, Floats
+from robots.world.sensing import Floats, LaserScan
 
 HIDDEN = 0.8  # how much of a beam that falls short is left out of the account
 THROUGH = 3.0  # how many that fit weigh as much as one that went through a wall
@@ -57,7 +57,7 @@ class Sweep:
         return Sweep(self.points[chosen], self.x, self.y, self.angles[chosen], self.ranges[chosen], self.reach)
 
 
-def sweep_of(beams: Beams, shortest: float) -> Sweep:
+def sweep_of(beams: LaserScan, shortest: float) -> Sweep:
     """Return the beams that came back from farther than `shortest` metres: nearer ones meet the robot itself or a hand before it."""
     met = np.isfinite(beams.ranges)
     far = beams.ranges[met] >= shortest

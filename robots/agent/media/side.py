@@ -22,7 +22,7 @@ from robots.agent.media.capture.microphone import MicrophoneFeed
 from robots.agent.media.capture.outputs import OutputFeed
 from robots.agent.media.capture.page_sources import PageCamera, PageMicrophone
 from robots.agent.media.codecs.encoder import Picture
-from robots.agent.media.jpeg_fallback.stills import SlowPictures
+from robots.agent.media.jpeg_fallback.stills import JpegFallback
 from robots.agent.media.peers.connections import Connections
 from robots.agent.media.peers.viewer import Viewer
 from robots.agent.media.peers.visitor import VisitorMedia
@@ -88,7 +88,7 @@ class MediaSide:
             self._microphone = MicrophoneFeed(audio, self._sound_from_microphone)
         self._on_picture = on_picture
         self._line: TimedLine | None = None  # what is put on the driver's picture and sound
-        self._slow = SlowPictures(self._camera.snapshot, self._send_slow, self._pages.drives) if self._camera and on_picture else None
+        self._slow = JpegFallback(self._camera.snapshot, self._send_slow, self._pages.drives) if self._camera and on_picture else None
         self._outputs = OutputFeed(*outputs) if any(outputs) else None
         pages = self._pages
         self._visitor = VisitorMedia(

@@ -26,7 +26,7 @@ from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D
 from robots.api.messages import Limits, Velocity
 from robots.world.grid import OccupancyGrid
-from robots.world.sensing import Beams, Estimate, Floats
+from robots.world.sensing import Estimate, Floats, LaserScan
 
 BLIND, BLIND_FOR_GOOD = 0.5, 2.5  # age of the newest sweep with which the robot stops, and gives up: seconds
 LOST_FOR_GOOD = 4.0  # seconds
@@ -57,7 +57,7 @@ class Navigator:
         self._wheels = WheelWatch()
         self._task: Journey | Docking | Undocking | None = None
         self._then: Journey | None = None
-        self._beams: Beams | None = None
+        self._beams: LaserScan | None = None
         self._walkers: Floats = np.zeros((0, 2))
         self._passers = Passers()
         self._last = Step(None, "FINISHED")
@@ -141,7 +141,7 @@ class Navigator:
     # --- steps --------------------------------------------------------------------------------------------------------
 
     def step(
-        self, *, estimate: Estimate, odometry: Pose2D, velocity: Velocity, points: Floats, beams: Beams | None, charger_contact: bool, now: float,
+        self, *, estimate: Estimate, odometry: Pose2D, velocity: Velocity, points: Floats, beams: LaserScan | None, charger_contact: bool, now: float,
     ) -> Step:  # fmt: skip
         """Return what to do now; call it while idle too, so that the robot knows what stands about.
 
@@ -221,7 +221,7 @@ class Navigator:
         hidden = self._passers.out_of_sight(now, odometry, self._beams)
         return Hazards(points[~strange], points[strange], np.vstack([moved(self._walkers, beams_from, odometry), hidden]))
 
-    def _look(self, beams: Beams, now: float, *, localized: bool) -> None:
+    def _look(self, beams: LaserScan, now: float, *, localized: bool) -> None:
         """Note what a new sweep shows, and who in it may be walking."""
         odometry = self._whereabouts.odometry_at(beams.stamp)
         robot = self._whereabouts.on_map(odometry)

@@ -10,7 +10,7 @@ UNREADABLE = "unreadable"
 
 
 @dataclass(frozen=True)
-class Latch:
+class EStopLatch:
     """A pressed e-stop: `source` is the role that asked, or `button` for the robot's own; `user` who; `stamp` Unix time."""
 
     source: str
@@ -24,14 +24,14 @@ class Latch:
         return f"{self.source}:{self.user}" if self.user else self.source
 
 
-def stricter(held: Latch | None, new: Latch) -> Latch:
+def stricter(held: EStopLatch | None, new: EStopLatch) -> EStopLatch:
     """Return the latch that counts when both were pressed: the robot's own button, else the first."""
     if held is None or (new.source == BUTTON and held.source != BUTTON):
         return new
     return held
 
 
-def refusal(latch: Latch | None, action: ClearEStop, *, button_pressed: bool) -> str | None:
+def refusal(latch: EStopLatch | None, action: ClearEStop, *, button_pressed: bool) -> str | None:
     """Return in one word why this clear_estop (whose role and user were checked already) does not open the latch, or None."""
     if button_pressed:
         return "button_pressed"

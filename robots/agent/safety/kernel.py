@@ -34,7 +34,7 @@ from typing import Protocol
 
 from robots.agent.safety.clock_sync import Clocks
 from robots.agent.safety.contacts import Contacts, Side
-from robots.agent.safety.estop_latch import BUTTON, Latch, stricter
+from robots.agent.safety.estop_latch import BUTTON, EStopLatch, stricter
 from robots.agent.safety.estop_latch import refusal as latch_refusal
 from robots.agent.safety.freshness import judge
 from robots.agent.safety.hold import Hold
@@ -126,7 +126,7 @@ class Kernel:
     limits: Limits
     watchdog: float
     capabilities: frozenset[Capability]
-    latch: Latch | None = None
+    latch: EStopLatch | None = None
     newest_lease: Remembered | None = None
     monitor: Shaper | None = None
     clocks: Clocks = field(default_factory=Clocks)
@@ -347,14 +347,14 @@ class Kernel:
             return False
         self._remember_stop("estop", action.action_id, now)
         user = action.user if sender.way == "mqtt" else lease.who if lease and role == "driver" else ""
-        self._press(Latch(role, unix, user, action.detail), now)
+        self._press(EStopLatch(role, unix, user, action.detail), now)
         return True
 
     def button(self, *, pressed: bool, now: float, unix: float) -> bool:
         """Take the state of the robot's own emergency button; return True when it has just been pressed."""
         newly, self.button_pressed = pressed and not self.button_pressed, pressed
         if newly:
-            self._press(Latch(BUTTON, unix), now)
+            self._press(EStopLatch(BUTTON, unix), now)
         return newly
 
     def set_fault(self, reason: str) -> None:
@@ -450,7 +450,7 @@ class Kernel:
             return "estop"
         return "fault" if self.fault else "stopped" if self._hold is not None else None
 
-    def _press(self, latch: Latch, now: float) -> None:
+    def _press(self, latch: EStopLatch, now: float) -> None:
         self.latch = stricter(self.latch, latch)
         self._halt("estop", now)
 

@@ -21,11 +21,11 @@ import numpy as np
 from robots.agent.autonomy.sensor_snapshot import beams_of
 from robots.agent.localization.odometry import Track
 from robots.agent.navigation.assistance.swept import Hull, hull
-from robots.agent.navigation.obstacles.memory import SAME_BEARING, MemorySettings, ObstacleMemory, into, out_of
+from robots.agent.navigation.obstacles.memory import SAME_BEARING, MemorySettings, RollingObstacleMap, into, out_of
 from robots.agent.robot_interface import DepthCamera, Profile, RcaState, Sonar
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Laser
-from robots.world.sensing import Beams, Floats
+from robots.world.sensing import Floats, LaserScan
 
 Loss = Literal["stand", "creep"]
 Tells = Literal["place", "arc", "touch"]
@@ -74,14 +74,14 @@ class LaserSource:
     def __init__(self, laser: Laser, settings: MemorySettings | None = None) -> None:
         self._heard_at = -math.inf
         self._laser = laser
-        self._memory = ObstacleMemory(settings)
+        self._memory = RollingObstacleMap(settings)
 
     def sense(self, reading: RcaState, track: Track, now: float) -> None:
         """Take the scan of a reading, when it has one."""
         if reading.scan is not None:
             self.look(beams_of(reading.scan, self._laser), track, now)
 
-    def look(self, beams: Beams, track: Track, now: float) -> None:
+    def look(self, beams: LaserScan, track: Track, now: float) -> None:
         """Take a sweep; one that sees nothing at all is that of a broken laser, and no sign of life."""
         before = self._memory.seen
         self._memory.update(track.at(beams.stamp), beams)
@@ -125,7 +125,7 @@ class DepthSource(LaserSource):
         inside = (beam >= 0) & (beam < self._beams) & (distance < camera.farthest)
         ranges = np.full(self._beams, np.inf)
         np.minimum.at(ranges, beam[inside], distance[inside])
-        self.look(Beams(seen.stamp, -camera.width / 2.0, step, camera.farthest, ranges, self._mount), track, now)
+        self.look(LaserScan(seen.stamp, -camera.width / 2.0, step, camera.farthest, ranges, self._mount), track, now)
 
     def looks(self, bearing: float) -> bool:
         """Tell whether that is in its field of view."""

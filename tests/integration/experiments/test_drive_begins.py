@@ -15,7 +15,7 @@ from experiments.tasks.records import FirstFrame
 from robots.models import Robot
 from sessions.leases import store
 from sessions.leases.transitions import Link
-from sessions.manager.scheduler import Timekeeper
+from sessions.manager.scheduler import Scheduler
 from sessions.models import Session, SessionEvent
 from tests.support import participants as p
 from tests.support.docked_robot import report_in_dock
@@ -59,7 +59,7 @@ def ask(robot: Robot, user: User, at: datetime.datetime) -> store.Taken:
     return store.take(Robot.objects.get(pk=robot.pk), user, f"peer-{user.username}", now=at)
 
 
-def looks(keeper: Timekeeper, *seconds: float) -> list[tuple[str, str]]:
+def looks(keeper: Scheduler, *seconds: float) -> list[tuple[str, str]]:
     """Let a session manager look at these times; return what pages were told, as (type, text)."""
     for second in seconds:
         for session in Session.objects.filter(state="waiting"):
@@ -110,14 +110,14 @@ def test_the_second_participant_does_not_begin_where_the_first_ended_whoever_res
     taken = ask(robot, ben, NOW)
     assert isinstance(taken, store.Queued)
 
-    told = looks(Timekeeper(), 0.5, 1.0, 3.0)
+    told = looks(Scheduler(), 0.5, 1.0, 3.0)
     assert ("queue", "start: not_docked") in told
     assert mail.outbox == []
-    second = Timekeeper()  # the session manager was killed, and another one looks
+    second = Scheduler()  # the session manager was killed, and another one looks
     looks(second, 4.0, 10.0, 11.0, 60.0)
     assert [letter.to + letter.bcc for letter in mail.outbox] == [["rae@example.org"]]
     assert "it is not docked" in mail.outbox[0].body
-    looks(Timekeeper(), 61.0, 70.0, 80.0)  # and a third one
+    looks(Scheduler(), 61.0, 70.0, 80.0)  # and a third one
     assert len(mail.outbox) == 1
     assert isinstance(ask(robot, ben, later(81.0)), store.Queued), "nor does a page that is loaded again begin"
     assert now_in(study.slug, "en", later(81.0))["robots"][0]["unready"] == "it is not docked"
@@ -137,9 +137,9 @@ def test_the_same_happens_a_second_time(robot, study):
         stands_away(robot)
         user = newcomer(study, name)
         assert isinstance(ask(robot, user, at), store.Queued)
-        looks(Timekeeper(), 1000.0 * number + 1.0)
+        looks(Scheduler(), 1000.0 * number + 1.0)
         stands(robot)
-        looks(Timekeeper(), 1000.0 * number + 2.0)
+        looks(Scheduler(), 1000.0 * number + 2.0)
         granted = ask(robot, user, later(1000.0 * number + 3.0))
         assert isinstance(granted, store.Granted)
         store.end(granted.session, "cancelled", "left", later(1000.0 * number + 4.0))
@@ -149,7 +149,7 @@ def test_a_robot_that_is_carried_away_while_it_is_offered_is_offered_again_when_
     stands_away(robot)
     ada = newcomer(study, "ada")
     waiting = ask(robot, ada, NOW)
-    keeper = Timekeeper()
+    keeper = Scheduler()
     looks(keeper, 1.0)
     stands(robot)
     looks(keeper, 2.0)
@@ -169,13 +169,13 @@ def test_an_operator_passes_who_waits_and_drives_the_robot_home(robot, study):
     ada, staff = newcomer(study, "ada"), User.objects.create(username="staff", is_staff=True, is_superuser=True)
     other = User.objects.create(username="other")
     waiting = ask(robot, ada, NOW)
-    looks(Timekeeper(), 1.0)
+    looks(Scheduler(), 1.0)
     assert isinstance(ask(robot, other, later(2.0)), store.Queued), "who does not operate it waits behind"
     driven = ask(robot, staff, later(3.0))
     assert isinstance(driven, store.Granted)
     stands(robot)
     store.end(driven.session, "completed", "left", later(30.0))
-    looks(Timekeeper(), 31.0)
+    looks(Scheduler(), 31.0)
     assert Session.objects.get(pk=waiting.session).offered_at is not None
     assert isinstance(ask(robot, ada, later(32.0)), store.Granted)
 
@@ -184,7 +184,7 @@ def test_a_robot_that_goes_home_by_itself_is_sent_there_and_nobody_is_called(rob
     Robot.objects.update(returns_home=True)
     stands_away(robot)
     ask(robot, newcomer(study, "ada"), NOW)
-    looks(Timekeeper(), 1.0, 20.0, 30.0)
+    looks(Scheduler(), 1.0, 20.0, 30.0)
     assert Robot.objects.get().turnaround == "returning"
     assert mail.outbox == []
 

@@ -12,7 +12,7 @@ from django.conf import settings as site
 
 from telepresence_site.ops.backup import archive
 from telepresence_site.ops.backup.archive import BackupError
-from tests.support.clerk import Clerk
+from tests.support.clerk import DjangoShell
 from tests.support.postgres import running_postgres
 
 FILES = {"secrets/secret_key": "key-of-the-site", "credentials/giraff.toml": "token", "media/a/b.bin": "x" * 100_000}
@@ -34,7 +34,7 @@ class Site:
         self.var = var
         kept = {name: value for name, value in os.environ.items() if name not in {"DATABASE_URL", "SECRET_KEY"}}
         changed = {"VAR_DIR": str(var), "DATABASE_URL": database, "HTTP_ONLY": "1", "LOG_LEVEL": "WARNING"}
-        self.clerk = Clerk(Path(site.BASE_DIR), kept | changed | {"DJANGO_SETTINGS_MODULE": "telepresence_site.settings"})
+        self.clerk = DjangoShell(Path(site.BASE_DIR), kept | changed | {"DJANGO_SETTINGS_MODULE": "telepresence_site.settings"})
         self.clerk.ask("pass")  # its secret key is made before ours is put in its place
 
     def call(self, *arguments):

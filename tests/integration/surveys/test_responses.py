@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from django.db import connection
 
-from surveys.answers import Given, Missing
+from surveys.answers import AnswerValue, Missing
 from surveys.models import Answer, Questionnaire, Response
 from surveys.questionnaires import store
 from surveys.responses import ClosedError, Context, NotAskedError, Respondent, Saving, begin, finish, leave_page, place, save_one, save_page
@@ -100,7 +100,7 @@ def test_a_page_may_be_sent_twice():
     fields = {"a": ["c"], "b": [""]}
     for _ in range(2):
         assert save_page(row, definition, 0, fields=fields, offered=["a", "b"], saving=SAVING).is_done
-    assert row.given() == {"a": Given(value="c"), "b": Given(missing=Missing.SKIPPED)}
+    assert row.given() == {"a": AnswerValue(value="c"), "b": AnswerValue(missing=Missing.SKIPPED)}
 
 
 def test_answers_that_are_right_are_kept_when_others_on_the_page_are_wrong():
@@ -108,7 +108,7 @@ def test_answers_that_are_right_are_kept_when_others_on_the_page_are_wrong():
     result = save_page(row, definition, 0, fields={"a": ["c"], "n": ["many"]}, offered=["a", "n", "must"], saving=SAVING)
     assert set(result.errors) == {"n", "must"}
     assert not result.is_done
-    assert row.given()["a"] == Given(value="c")
+    assert row.given()["a"] == AnswerValue(value="c")
     assert "n" not in row.given()
 
 

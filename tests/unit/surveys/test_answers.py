@@ -4,14 +4,14 @@ import datetime
 
 import pytest
 
-from surveys.answers import Given, Missing, RefusedError, check_complete, read_answer, standings
+from surveys.answers import AnswerValue, Missing, RefusedError, check_complete, read_answer, standings
 from surveys.conditions import Circumstances
 from tests.support.questionnaires import NOW, OPTIONS, defined, item
 
 ALONE = [*OPTIONS[:2], {"value": "none", "label": {"en": "None"}, "alone": True}]
 
 
-def said(kind: str, *values: str, reason: str = "", now: datetime.datetime = NOW, **more) -> Given:
+def said(kind: str, *values: str, reason: str = "", now: datetime.datetime = NOW, **more) -> AnswerValue:
     question = defined([item(kind, "q", **more)]).question("q")
     return read_answer(question, {"q": values, **({"q~": [reason]} if reason else {})}, now)
 
@@ -28,7 +28,7 @@ def said(kind: str, *values: str, reason: str = "", now: datetime.datetime = NOW
 )  # fmt: skip
 def test_an_answer_is_stored_as_a_value_of_its_kind(kind, more, values, stored):
     given = said(kind, *values, **more)
-    assert given == Given(value=stored)
+    assert given == AnswerValue(value=stored)
     assert type(given.value) is type(stored)
 
 
@@ -61,24 +61,24 @@ def test_today_is_any_day_that_it_is_somewhere_on_earth():
 @pytest.mark.parametrize("kind", ["likert", "single", "multiple", "number", "text", "date", "slider"])
 def test_saying_nothing_is_skipped_and_refused_only_where_an_answer_is_required(kind):
     for values in ([], [""], ["  "]):
-        assert said(kind, *values) == Given(missing=Missing.SKIPPED)
+        assert said(kind, *values) == AnswerValue(missing=Missing.SKIPPED)
     required = defined([item(kind, "q", required=True)]).question("q")
     with pytest.raises(RefusedError, match="answer this question"):
-        check_complete(required, Given(missing=Missing.SKIPPED))
-    check_complete(required, Given(missing=Missing.PREFERRED_NOT))
-    check_complete(defined([item(kind, "q")]).question("q"), Given(missing=Missing.SKIPPED))
+        check_complete(required, AnswerValue(missing=Missing.SKIPPED))
+    check_complete(required, AnswerValue(missing=Missing.PREFERRED_NOT))
+    check_complete(defined([item(kind, "q")]).question("q"), AnswerValue(missing=Missing.SKIPPED))
 
 
 @pytest.mark.parametrize("kind", ["likert", "single"])
 def test_where_one_choice_excludes_the_others_a_reason_is_one_of_them(kind):
-    assert said(kind, "~preferred_not", prefer_not=True) == Given(missing=Missing.PREFERRED_NOT)
+    assert said(kind, "~preferred_not", prefer_not=True) == AnswerValue(missing=Missing.PREFERRED_NOT)
     with pytest.raises(RefusedError):
         said(kind, "~preferred_not", not_applicable=True)
 
 
 @pytest.mark.parametrize(("kind", "value"), [("multiple", "a"), ("number", "3"), ("text", "x"), ("date", "2020-01-01"), ("slider", "5")])
 def test_elsewhere_a_reason_comes_beside_the_answer_and_not_with_it(kind, value):
-    assert said(kind, reason="not_applicable", not_applicable=True) == Given(missing=Missing.NOT_APPLICABLE)
+    assert said(kind, reason="not_applicable", not_applicable=True) == AnswerValue(missing=Missing.NOT_APPLICABLE)
     with pytest.raises(RefusedError, match="either answer or say why not"):
         said(kind, value, reason="not_applicable", not_applicable=True)
     for forged in ("preferred_not", "not_reached", "skipped", "nonsense"):
@@ -92,7 +92,12 @@ def test_missing_is_one_of_four_and_says_what_happened():
         [item("single", "here"), item("single", "now")],
         [item("single", "never")],
     )
-    stored = {"declined": Given(missing=Missing.PREFERRED_NOT), "said": Given(value="a"), "hidden": Given(value="b"), "now": Given(value="c")}
+    stored = {
+        "declined": AnswerValue(missing=Missing.PREFERRED_NOT),
+        "said": AnswerValue(value="a"),
+        "hidden": AnswerValue(value="b"),
+        "now": AnswerValue(value="c"),
+    }
     found = standings(definition, stored, Circumstances(robot=frozenset({"rhodon"})), reached=1)
     assert {key: given.missing for key, given in found.items()} == {
         "left": "skipped", "declined": "preferred_not", "hidden": "not_applicable", "said": None, "here": "not_reached", "now": None, "never": "not_reached",

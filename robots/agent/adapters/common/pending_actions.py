@@ -45,7 +45,7 @@ class Area:
 
 
 @dataclass
-class Errand:
+class PendingAction:
     """`goal` is a point in map metres for goto, the angle twice for tilt; `began`, `deadline` and `over_at` are monotonic seconds.
 
     `place` is the goal by name, `area` where a relocalized robot should find itself, `over_at` when the RCA said that it is done.
@@ -66,12 +66,12 @@ class Errands:
     """The errands of one robot; `tell` hears what becomes of them."""
 
     def __init__(self, tell: Callable[[ActionProgress], None]) -> None:
-        self.drive: Errand | None = None
-        self.head: Errand | None = None
-        self.whereabouts: Errand | None = None
+        self.drive: PendingAction | None = None
+        self.head: PendingAction | None = None
+        self.whereabouts: PendingAction | None = None
         self._tell = tell
 
-    def begin(self, errand: Errand) -> None:
+    def begin(self, errand: PendingAction) -> None:
         """Take an errand that the RCA has accepted."""
         if errand.kind == "tilt":
             self._end(self.head, "CANCELLED", "replaced")
@@ -84,7 +84,7 @@ class Errands:
             self.drive = errand
         self._tell(ActionProgress(errand.action_id, "RUNNING"))
 
-    def of(self, action_id: str) -> Errand | None:
+    def of(self, action_id: str) -> PendingAction | None:
         """Return a running errand by its action."""
         return next((each for each in (self.drive, self.head, self.whereabouts) if each is not None and each.action_id == action_id), None)
 
@@ -102,7 +102,7 @@ class Errands:
         for errand in (self.drive, self.head, self.whereabouts):
             self._end(errand, "FAILED", reason)
 
-    def watch(self, now: float, *, dock: DockState, tilt: float | None, pose: Pose = NOWHERE, fixed_at: float = -math.inf) -> Errand | None:
+    def watch(self, now: float, *, dock: DockState, tilt: float | None, pose: Pose = NOWHERE, fixed_at: float = -math.inf) -> PendingAction | None:
         """Look whether something was reached, or takes too long; return what moves the base and took too long, to be taken back.
 
         Args:
@@ -143,7 +143,7 @@ class Errands:
         elif now > errand.deadline:
             self._end(errand, "FAILED", _astray(pose, is_news=is_news))
 
-    def _end(self, errand: Errand | None, status: ActionState, reason: str) -> None:
+    def _end(self, errand: PendingAction | None, status: ActionState, reason: str) -> None:
         if errand is None:
             return
         if errand is self.head:

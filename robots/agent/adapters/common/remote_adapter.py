@@ -16,7 +16,7 @@ from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator
 from typing import Any
 
-from robots.agent.adapters.common.pending_actions import LONGEST_DOCKING, LONGEST_TILT, Errand, Errands
+from robots.agent.adapters.common.pending_actions import LONGEST_DOCKING, LONGEST_TILT, Errands, PendingAction
 from robots.agent.adapters.common.progress_queue import ProgressQueue
 from robots.agent.adapters.common.robot_profile import BatteryRange, RobotProfile
 from robots.agent.adapters.common.state_builder import Readings
@@ -112,7 +112,7 @@ class RemoteAdapter(ABC):
         """Return why the RCA says nothing of what is vital, in a sentence, "" when nobody knows."""
         return ""
 
-    async def _order(self, action: Action) -> Errand:
+    async def _order(self, action: Action) -> PendingAction:
         """Tell the RCA to do something; return what to wait for, because to have told it is not to have done it.
 
         Raises:
@@ -120,7 +120,7 @@ class RemoteAdapter(ABC):
         """
         raise AdapterError(f"{self.profile.series} cannot do {type(action).__name__.lower()}")
 
-    async def _withdraw(self, errand: Errand) -> None:  # noqa: B027 -- not every RCA needs it
+    async def _withdraw(self, errand: PendingAction) -> None:  # noqa: B027 -- not every RCA needs it
         """Take an order back."""
 
     def _look(self, now: float) -> None:  # noqa: B027 -- not every RCA needs it
@@ -171,18 +171,18 @@ class RemoteAdapter(ABC):
         if not task.cancelled() and (error := task.exception()) is not None:
             self._lose(str(error) or type(error).__name__)
 
-    def _errand(self, action: Action) -> Errand:
+    def _errand(self, action: Action) -> PendingAction:
         """Return what to wait for after an order was accepted."""
         now = time.monotonic()
         match action:
             case Goto(x=x, y=y) if x is not None and y is not None:
-                return Errand(action.action_id, "goto", now, (x, y))
+                return PendingAction(action.action_id, "goto", now, (x, y))
             case Goto(place=place):
-                return Errand(action.action_id, "goto", now, place=place or "")
+                return PendingAction(action.action_id, "goto", now, place=place or "")
             case Dock():
-                return Errand(action.action_id, "dock", now, deadline=now + LONGEST_DOCKING)
+                return PendingAction(action.action_id, "dock", now, deadline=now + LONGEST_DOCKING)
             case _:
-                return Errand(action.action_id, "undock", now, deadline=now + LONGEST_DOCKING)
+                return PendingAction(action.action_id, "undock", now, deadline=now + LONGEST_DOCKING)
 
     # --- the contract ----------------------------------------------------------------------------------------------------
 
@@ -268,7 +268,7 @@ class RemoteAdapter(ABC):
             raise AdapterError(f"the head tilts from {reach.minimum:g} to {reach.maximum:g} rad, not to {action.angle:g}")
         self._turn_head(action.angle)
         now = time.monotonic()
-        self.errands.begin(Errand(action.action_id, "tilt", now, (action.angle, action.angle), now + LONGEST_TILT))
+        self.errands.begin(PendingAction(action.action_id, "tilt", now, (action.angle, action.angle), now + LONGEST_TILT))
 
     async def cancel(self, action_id: str) -> None:
         """Cancel an action; unknown ids are ignored."""

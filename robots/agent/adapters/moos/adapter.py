@@ -25,7 +25,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from robots.agent.adapters.common.pending_actions import Errand
+from robots.agent.adapters.common.pending_actions import PendingAction
 from robots.agent.adapters.common.remote_adapter import RemoteAdapter, profile_of
 from robots.agent.adapters.common.robot_profile import RobotProfile, load_profile, settings_of
 from robots.agent.adapters.common.state_builder import stamp_of
@@ -211,7 +211,7 @@ class MoosAdapter(RemoteAdapter):
         elif errand.over_at > now and not errand.seen_running and now - errand.began > SETTING_OUT:
             self._give_up("the robot does not set out")
 
-    def _is_there(self, errand: Errand) -> bool:
+    def _is_there(self, errand: PendingAction) -> bool:
         if errand.goal is None:
             return self._place == errand.place
         pose = self.readings.pose
@@ -235,7 +235,7 @@ class MoosAdapter(RemoteAdapter):
             self._asked_at = now
             self._notify("TILT_GET_ANGLE_FROM_HOME", 1.0)
 
-    async def _order(self, action: Action) -> Errand:
+    async def _order(self, action: Action) -> PendingAction:
         match action:
             case Goto(x=x, y=y) if x is not None and y is not None:
                 self._notify("NAVIGATE_TARGET", openmora.point(x, y))
@@ -256,7 +256,7 @@ class MoosAdapter(RemoteAdapter):
                 raise AdapterError("this robot has to be told where it is")
         return self._errand(action)
 
-    async def _withdraw(self, errand: Errand) -> None:
+    async def _withdraw(self, errand: PendingAction) -> None:
         if errand.kind == "dock":
             self._notify("PARKING", 0.0)
         self._cancel_navigation()

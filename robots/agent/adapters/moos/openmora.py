@@ -7,7 +7,7 @@ degrees there; the head's are counted from its home, which in our words is the p
 import math
 from dataclasses import dataclass
 
-from robots.agent.adapters.common.pending_actions import LONGEST_RELOCALIZATION, Area, Errand
+from robots.agent.adapters.common.pending_actions import LONGEST_RELOCALIZATION, Area, PendingAction
 from robots.agent.adapters.common.robot_profile import RobotProfile
 from robots.api.geometry import wrap_angle
 from robots.api.messages import Pose, Scan, Velocity
@@ -81,10 +81,10 @@ def area(x: float, y: float, half_width: float, particles: int) -> str:
     return f"[{x - half_width:.3f} {x + half_width:.3f} {y - half_width:.3f} {y + half_width:.3f} {particles}]"
 
 
-def search(action_id: str, x: float, y: float, half_width: float, now: float) -> Errand:
+def search(action_id: str, x: float, y: float, half_width: float, now: float) -> PendingAction:
     """Return what to wait for after a robot was told its `area`: that it says to be in it. A heading cannot be told."""
     place = Area(x, y, half_width, settles=FILTERING)
-    return Errand(action_id, "relocalize", now, deadline=now + LONGEST_RELOCALIZATION, area=place)
+    return PendingAction(action_id, "relocalize", now, deadline=now + LONGEST_RELOCALIZATION, area=place)
 
 
 def pose_of(text: str) -> Pose | None:

@@ -21,7 +21,7 @@ from typing import Any
 from aiomqtt import Client, MqttError
 from msgspec import Struct
 
-from robots.agent.adapters.common.pending_actions import Errand
+from robots.agent.adapters.common.pending_actions import PendingAction
 from robots.agent.adapters.common.remote_adapter import RemoteAdapter, profile_of
 from robots.agent.adapters.common.robot_profile import RobotProfile, load_profile, settings_of
 from robots.agent.adapters.common.send_slots import Outgoing
@@ -227,7 +227,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
             self._command("StopGiraff")
             self.errands.end(errand.action_id, "FAILED", "the robot does not get there")
 
-    def _finish(self, errand: Errand, status: openmora.Status) -> None:
+    def _finish(self, errand: PendingAction, status: openmora.Status) -> None:
         if status.autonomous:
             self._command("StopGiraff")  # or it would set out again when somebody stands in its place
         self.errands.end(errand.action_id, "FINISHED")
@@ -239,7 +239,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
             self._stood_at, self._stood_since = (pose.x, pose.y), now
         return self._stood_since
 
-    def _is_there(self, errand: Errand, status: openmora.Status) -> bool:
+    def _is_there(self, errand: PendingAction, status: openmora.Status) -> bool:
         if errand.goal is None:
             return status.place == errand.place
         x, y = errand.goal
@@ -260,7 +260,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
         self._command(f"Tilt {openmora.head_degrees(angle, self._robot, self._options.tilt_sign):.1f}")
         self._head.turn_to(angle, time.monotonic())
 
-    async def _order(self, action: Action) -> Errand:
+    async def _order(self, action: Action) -> PendingAction:
         words = self._words(action)
         # A Motion of just now is cancelled by the robot after half a second, and any journey with it.
         await asyncio.sleep(max(0.0, self._moved_at + MOTION_MEMORY - time.monotonic()))
@@ -285,7 +285,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
             case _:
                 raise AdapterError(f"{self._options.robot} has to be told where it is")
 
-    async def _withdraw(self, errand: Errand) -> None:
+    async def _withdraw(self, errand: PendingAction) -> None:
         del errand  # there is only one
         self._command("StopGiraff")
 

@@ -25,8 +25,8 @@ from robots.agent.adapters.navigation_layer.child import MindProcess, Orderable
 from robots.agent.adapters.navigation_layer.pose_memory import PoseMemory
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.area import dock_of
-from robots.agent.autonomy.pose_extrapolator import Whereabouts
-from robots.agent.autonomy.sensor_snapshot import Body, Perception, Thought, beams_of
+from robots.agent.autonomy.pose_extrapolator import PoseExtrapolator
+from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput, SensorSnapshot, beams_of
 from robots.agent.cadence import Cadence
 from robots.agent.control.action_history import ENDED
 from robots.agent.robot_interface import (
@@ -45,7 +45,7 @@ from robots.agent.safety.ramp import ZERO
 from robots.api.floorplan import Dock as Station
 from robots.api.geometry import Pose2D
 from robots.api.messages import Action, Capability, FloorPlanUpdate, Laser, Point, Relocalize, Velocity
-from robots.world.sensing import Beams, Floats
+from robots.world.sensing import Floats, LaserScan
 
 THINKING = 0.1  # seconds between two perceptions
 LATE = 0.3  # seconds without a thought after which the robot stands
@@ -84,14 +84,14 @@ class AutonomyAdapter:
         self._laser, self._now = laser, now
         self._knows_site = area is not None
         self._memory = PoseMemory(memory)
-        self._whereabouts = Whereabouts()
+        self._whereabouts = PoseExtrapolator()
         self.mind = MindProcess(Body(own.series, own.footprint, own.limits, self._localizes), thought=self._think, settled=self._place)
         self._area: FloorPlanUpdate | None = None
         self.dock: Station | None = None
         self._news = ProgressQueue()
         self._due = Cadence(THINKING)
         self._last: RcaState | None = None
-        self._beams: Beams | None = None
+        self._beams: LaserScan | None = None
         self._told_sweep = -math.inf
         self._path: tuple[Point, ...] = ()
         self._wish: Velocity | None = None
@@ -241,7 +241,7 @@ class AutonomyAdapter:
         self._beams = beams or self._beams
         if self.mind.ready and self._due.due(now):
             pose = reading.pose if self._localizes else None
-            moment = Perception(reading.stamp, reading.odometry, reading.velocity, reading.charger_contact, self._beams, points, pose)
+            moment = SensorSnapshot(reading.stamp, reading.odometry, reading.velocity, reading.charger_contact, self._beams, points, pose)
             new = self._beams is not None and self._beams.stamp != self._told_sweep
             if self.mind.say(wire.perceive(moment, new=new)) and self._beams is not None:
                 self._told_sweep = self._beams.stamp
@@ -258,7 +258,7 @@ class AutonomyAdapter:
     def _settle(self, area: FloorPlanUpdate) -> None:
         self._area = area
         self.dock = dock_of(area, self.profile.series)
-        self._whereabouts = Whereabouts()
+        self._whereabouts = PoseExtrapolator()
         self.mind.settle(area)
 
     def _place(self) -> None:
@@ -273,7 +273,7 @@ class AutonomyAdapter:
         elif self._whereabouts.unheard and self._area is not None and (kept := self._memory.recall(self._area.map_id)):
             self.mind.say(wire.Place(kept, AGAIN_SPREAD, AGAIN_TURN))
 
-    def _think(self, thought: Thought) -> None:
+    def _think(self, thought: NavigationOutput) -> None:
         now = self._now()
         self._heard_at, self._wish = now, thought.wanted
         self._whereabouts.take(thought, now)

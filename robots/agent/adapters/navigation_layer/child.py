@@ -14,7 +14,7 @@ from pathlib import Path
 
 from robots.agent import framing
 from robots.agent.autonomy import wire
-from robots.agent.autonomy.sensor_snapshot import Body, Thought
+from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput
 from robots.agent.backoff import Backoff
 from robots.agent.robot_interface import AdapterError
 from robots.api.messages import Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Undock
@@ -40,7 +40,7 @@ class MindProcess:
         seed: of everything random.
     """
 
-    def __init__(self, body: Body, *, thought: Callable[[Thought], None], settled: Callable[[], None], seed: int = 0) -> None:
+    def __init__(self, body: Body, *, thought: Callable[[NavigationOutput], None], settled: Callable[[], None], seed: int = 0) -> None:
         self.ready = False
         self.problem = "no map of the site has come yet"
         self.starts = 0

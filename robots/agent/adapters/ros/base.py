@@ -15,7 +15,7 @@ from typing import Any, Literal, Protocol
 import msgspec
 from msgspec import Struct
 
-from robots.agent.adapters.common.pending_actions import LONGEST_RELOCALIZATION, Area, Errand
+from robots.agent.adapters.common.pending_actions import LONGEST_RELOCALIZATION, Area, PendingAction
 from robots.agent.adapters.common.remote_adapter import RemoteAdapter, profile_of
 from robots.agent.adapters.common.robot_profile import RobotProfile
 from robots.agent.adapters.common.state_builder import stamp_of
@@ -398,7 +398,7 @@ class RosAdapter(RemoteAdapter):
     def _turn_head(self, angle: float) -> None:
         self._bus.publish(self._options.tilt, {"data": angle})
 
-    async def _order(self, action: Action) -> Errand:
+    async def _order(self, action: Action) -> PendingAction:
         match action:
             case Goto(x=x, y=y) if x is not None and y is not None:
                 self._send_goal(Pose2D(x, y, self._heading(action)))
@@ -425,7 +425,7 @@ class RosAdapter(RemoteAdapter):
         if not done:
             raise AdapterError(f"{service} refuses: {reason or 'it does not say why'}")
 
-    def _relocalize(self, action: Relocalize, place: Pose2D) -> Errand:
+    def _relocalize(self, action: Relocalize, place: Pose2D) -> PendingAction:
         """Say where the robot is, and wait for its localization to say so too: amcl answers with the next scan, and once."""
         covariance = [0.0] * 36
         covariance[0] = covariance[7] = TOLD_WITHIN**2
@@ -434,9 +434,9 @@ class RosAdapter(RemoteAdapter):
         self._bus.publish(self._options.initial_pose, {"header": header, "pose": {"pose": messages.pose(place), "covariance": covariance}})
         area = Area(place.x, place.y, 2.0 * TOLD_WITHIN, action.theta, 3.0 * TURNED_WITHIN)
         now = time.monotonic()
-        return Errand(action.action_id, "relocalize", now, deadline=now + LONGEST_RELOCALIZATION, area=area)
+        return PendingAction(action.action_id, "relocalize", now, deadline=now + LONGEST_RELOCALIZATION, area=area)
 
-    async def _withdraw(self, errand: Errand) -> None:
+    async def _withdraw(self, errand: PendingAction) -> None:
         if errand.kind != "goto":
             if self._options.cancel_dock:
                 await self._trigger(self._options.cancel_dock)

@@ -20,15 +20,15 @@ RETRY = 1.0  # s after a camera gave nothing
 
 
 @dataclass(frozen=True)
-class Rung:
+class Layer:
     """A step of quality: the size that a picture is fitted into, and JPEG's quantizer (2 is the best, 31 the smallest)."""
 
     tier: Tier
     quantizer: int
 
 
-def _rung(width: int, height: int, quantizer: int) -> Rung:
-    return Rung(Tier(width, height, FPS, 0), quantizer)
+def _rung(width: int, height: int, quantizer: int) -> Layer:
+    return Layer(Tier(width, height, FPS, 0), quantizer)
 
 
 # About 16, 10, 6.5, 4.5, 3.2 and 2 kB for a furnished room.
@@ -95,7 +95,7 @@ class Pace:
             return None if driver is None or not self._waiting else max(0.0, self._asked[driver] + PRESENT - now)
         return max(0.0, self._not_before - now)
 
-    def rung(self) -> Rung:
+    def rung(self) -> Layer:
         """Return how large the next picture is to be."""
         return LADDER[self.quality.rung]
 

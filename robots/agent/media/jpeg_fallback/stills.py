@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from robots.agent.media.capture.capture import FAILURES
 from robots.agent.media.codecs.encoder import fitted
-from robots.agent.media.jpeg_fallback.pace import Pace, Rung
+from robots.agent.media.jpeg_fallback.pace import Layer, Pace
 from robots.agent.media.photos import reduced
 from robots.agent.robot_interface import Frame
 from robots.agent.thread_priority import ORDINARY, set_nice
@@ -24,7 +24,7 @@ LIMIT = next(topic.limit for topic in topics.TABLE if topic.suffix == picture.SU
 CLOSE_TIMEOUT = 4.0  # s
 
 
-class SlowPictures:
+class JpegFallback:
     """Sends a picture when one was asked for. All methods may be called from any thread.
 
     Args:
@@ -104,5 +104,5 @@ class SlowPictures:
             self._pace.failed(time.monotonic())
 
 
-def _jpeg(frame: Frame, rung: Rung) -> bytes:
+def _jpeg(frame: Frame, rung: Layer) -> bytes:
     return reduced(frame, *fitted(rung.tier, frame.width, frame.height), rung.quantizer)

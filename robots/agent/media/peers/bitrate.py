@@ -27,7 +27,7 @@ PROBE, WATCH = 0.35, 0.65  # s of sending more, and s after it in which pictures
 REGRET = 4.0  # s in which a step up still counts as a trial
 
 
-class Climb:
+class BitrateAdapter:
     """One viewer's place. All times are monotonic seconds.
 
     Args:

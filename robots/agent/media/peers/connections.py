@@ -14,7 +14,7 @@ import msgspec
 
 from robots.agent.lab.timed import TimedLine
 from robots.agent.media.codecs.encoder import Picture
-from robots.agent.media.peers.registry import HeldCandidates, Roster
+from robots.agent.media.peers.registry import HeldCandidates, PeerRegistry
 from robots.agent.media.peers.viewer import Viewer
 from robots.agent.media.webrtc.sdp import BadOfferError
 from robots.api.codec import encode_frame
@@ -38,7 +38,7 @@ class Connections:
 
     def __init__(self, places: int, make_viewer: MakeViewer, reply: Callable[[str, SignalReply], None], changed: Callable[[], None]) -> None:
         self._make_viewer, self._reply, self._changed = make_viewer, reply, changed
-        self._roster = Roster(places)
+        self._roster = PeerRegistry(places)
         self._held = HeldCandidates()
         self._count = itertools.count()
         self._viewers: dict[str, Viewer] = {}

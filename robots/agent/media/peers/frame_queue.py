@@ -39,7 +39,7 @@ class SentRate:
         return 8.0 * sum(octets for _, octets in self._sent)
 
 
-class PictureOutbox:
+class FrameQueue:
     """The pictures for one viewer; belongs to the media loop.
 
     Args:
@@ -111,7 +111,7 @@ class PictureOutbox:
         return self._rate.of(now) if self._rate.since(now) < PAUSE else None
 
 
-class SoundOutbox:
+class SoundQueue:
     """The sound for one listener; what is late is dropped, oldest first. Belongs to the media loop."""
 
     def __init__(self, origin: int) -> None:

@@ -24,7 +24,7 @@ class Admission:
     leaves: str | None = None
 
 
-class Roster:
+class PeerRegistry:
     """The peers in the order of their offers, their roles, and the driver that the lease names.
 
     `limit` is how many may be connected at once; at least one, because the driver always finds room.

@@ -8,8 +8,8 @@ from typing import Protocol
 
 from robots.agent.cadence import Cadence
 from robots.agent.media.codecs.encoder import Picture
-from robots.agent.media.peers.bitrate import Climb
-from robots.agent.media.peers.frame_queue import PictureOutbox, SoundOutbox
+from robots.agent.media.peers.bitrate import BitrateAdapter
+from robots.agent.media.peers.frame_queue import FrameQueue, SoundQueue
 from robots.agent.media.peers.key_frames import Reason
 from robots.agent.media.webrtc.aiortc_hooks import Detour
 from robots.agent.media.webrtc.packet_gate import FrameGate, Heard
@@ -75,12 +75,12 @@ class Viewer:
         self._microphone = microphone
         self._on_command = on_command
         self._clock = ClockTeller()
-        self._pictures = PictureOutbox(self._ask_camera, self._tell_clock, self._lost) if camera is not None else None
-        self._climb = Climb(camera.rates if camera is not None else (0,), time.monotonic())
+        self._pictures = FrameQueue(self._ask_camera, self._tell_clock, self._lost) if camera is not None else None
+        self._climb = BitrateAdapter(camera.rates if camera is not None else (0,), time.monotonic())
         self._rung = self._coming = 0  # the quality that is shown, and the one whose next key frame takes over
         origin = random.randrange(1 << 32)  # noqa: S311 -- RFC 3550 wants it random, SRTP does not depend on it
         self._sparse = {suffix: Cadence(period) for suffix, period in SPARSE.items()}
-        self._sounds = SoundOutbox(origin) if microphone is not None else None
+        self._sounds = SoundQueue(origin) if microphone is not None else None
         self._page = PageConnection(peer, self._pictures, self._sounds, self._take, self._clock.forget, on_end, on_media, relays or Relays())
         self._shown = -1  # the RTP timestamp of the newest picture
         self._holed = self._begged = False  # pictures were left out, and a key frame was asked for that mends it

@@ -22,7 +22,7 @@ from aiortc import (
 )
 from aiortc.exceptions import InternalError, InvalidAccessError, InvalidStateError, OperationError
 
-from robots.agent.media.peers.frame_queue import PictureOutbox, SoundOutbox
+from robots.agent.media.peers.frame_queue import FrameQueue, SoundQueue
 from robots.agent.media.webrtc import aiortc_hooks, sctp, sdp
 from robots.agent.media.webrtc.packet_gate import FrameGate, Heard
 from robots.agent.media.webrtc.relays import Relays
@@ -59,8 +59,8 @@ class PageConnection:
     """
 
     peer: str
-    pictures: PictureOutbox | None
-    sounds: SoundOutbox | None
+    pictures: FrameQueue | None
+    sounds: SoundQueue | None
     on_command: Callable[[Heard], None]
     on_open: Callable[[], None]
     on_end: Callable[[str], None]

@@ -14,7 +14,7 @@ import numpy as np
 from robots.agent.navigation.obstacles.memory import into
 from robots.api.floorplan import Station
 from robots.api.geometry import Pose2D
-from robots.world.sensing import Beams, Floats
+from robots.world.sensing import Floats, LaserScan
 
 ON_FRONT = 0.035  # metres from the line that count as on it
 OUT = 0.5  # points are looked at so far beyond either edge: metres
@@ -48,7 +48,7 @@ class Sighting:
     points: int
 
 
-def find(beams: Beams, expected: Pose2D, station: Station, window: Window) -> Sighting | None:
+def find(beams: LaserScan, expected: Pose2D, station: Station, window: Window) -> Sighting | None:
     """Return where the front of a station is, or None when nothing of its shape is there.
 
     Args:

@@ -14,7 +14,7 @@ from robots.agent.navigation.planning.path import resampled
 from robots.api.floorplan import Door, FloorPlan
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.raycaster import cast
-from robots.world.sensing import Beams, Floats
+from robots.world.sensing import Floats, LaserScan
 
 MEMORY = 120.0  # seconds
 NEAR = 4.0  # how far off a doorway may be to be judged: metres
@@ -33,7 +33,7 @@ class DoorWatch:
         self.doors: tuple[Door, ...] = plan.doors if plan else ()
         self._seen_closed: dict[str, float] = {}
 
-    def look(self, laser: Pose2D, beams: Beams, now: float) -> None:
+    def look(self, laser: Pose2D, beams: LaserScan, now: float) -> None:
         """Take a sweep; `laser` is the pose of the laser in the map."""
         for door in self.doors:
             middle = ((door.start[0] + door.end[0]) / 2.0, (door.start[1] + door.end[1]) / 2.0)
@@ -53,7 +53,7 @@ class DoorWatch:
         """Take every door for open again."""
         self._seen_closed.clear()
 
-    def _judge(self, door: Door, laser: Pose2D, beams: Beams, now: float) -> None:
+    def _judge(self, door: Door, laser: Pose2D, beams: LaserScan, now: float) -> None:
         closed, opened = votes(door, laser, beams)
         if closed >= VOTES and closed > 2 * opened:
             self._seen_closed[door.name] = now
@@ -61,7 +61,7 @@ class DoorWatch:
             self._seen_closed.pop(door.name, None)
 
 
-def votes(door: Door, laser: Pose2D, beams: Beams) -> tuple[int, int]:
+def votes(door: Door, laser: Pose2D, beams: LaserScan) -> tuple[int, int]:
     """Return how many beams of a sweep met the leaf of a door in its frame, and how many went through the doorway."""
     (x0, y0), (x1, y1) = door.start, door.end
     width, height = x1 - x0, y1 - y0
@@ -76,7 +76,7 @@ def votes(door: Door, laser: Pose2D, beams: Beams) -> tuple[int, int]:
     return int((np.abs(ranges - reach[crossing]) <= IN_LINE).sum()), int((ranges > reach[crossing] + BEHIND).sum())
 
 
-def _towards(leaf: Floats, laser: Pose2D, beams: Beams) -> npt.NDArray[np.intp]:
+def _towards(leaf: Floats, laser: Pose2D, beams: LaserScan) -> npt.NDArray[np.intp]:
     """Return the numbers of the beams that look between the two ends of a leaf (4,), seen from the laser."""
     first = math.atan2(leaf[1] - laser.y, leaf[0] - laser.x)
     opening = wrap_angle(math.atan2(leaf[3] - laser.y, leaf[2] - laser.x) - first)

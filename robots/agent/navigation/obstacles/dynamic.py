@@ -10,7 +10,7 @@ import numpy as np
 
 from robots.agent.navigation.obstacles.memory import into, out_of
 from robots.api.geometry import Pose2D
-from robots.world.sensing import Beams, Floats
+from robots.world.sensing import Floats, LaserScan
 
 HOLD = 2.5  # seconds
 NEAR = 1.6  # metres from the robot at which somebody is remembered
@@ -29,7 +29,7 @@ class Passers:
         if len(near):
             self._seen.append((stamp, out_of(odometry, near[:: max(1, len(near) // POINTS)])))
 
-    def out_of_sight(self, now: float, odometry: Pose2D, beams: Beams) -> Floats:
+    def out_of_sight(self, now: float, odometry: Pose2D, beams: LaserScan) -> Floats:
         """Return the points (m, 2), in the robot's frame at `odometry`, that no beam of the laser looks at any more."""
         while self._seen and now - self._seen[0][0] > HOLD:
             self._seen.popleft()

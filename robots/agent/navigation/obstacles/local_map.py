@@ -12,7 +12,7 @@ from robots.agent.navigation.obstacles.memory import into, out_of, sees
 from robots.agent.navigation.planning.costmap import Bools, Cells, CostMap
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D
-from robots.world.sensing import Beams, Floats
+from robots.world.sensing import Floats, LaserScan
 from robots.world.solids import leaf_end
 
 ON_MAP = 0.2  # what is seen so close to something of the map is that thing: metres
@@ -47,7 +47,7 @@ class Surroundings:
         self._first[:] = self._last[:] = NEVER
         self.doors.forget()
 
-    def look(self, robot: Pose2D, beams: Beams, now: float) -> None:
+    def look(self, robot: Pose2D, beams: LaserScan, now: float) -> None:
         """Take a sweep that was measured at `robot`, the pose in the map."""
         if not sees(beams):
             return
@@ -150,7 +150,7 @@ class Surroundings:
         result: Bools = np.logical_or.reduce(_beside(points, lines) <= ON_MAP, axis=0)
         return result
 
-    def _clear(self, laser: Pose2D, beams: Beams) -> None:
+    def _clear(self, laser: Pose2D, beams: LaserScan) -> None:
         """Free the cells that a beam passes; the few that are marked are asked, not the many that the beams cross."""
         rows, columns = np.nonzero(self._there)
         if len(rows) == 0:

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robots.api.geometry import Pose2D, wrap_angle
-from robots.world.sensing import Beams, Floats
+from robots.world.sensing import Floats, LaserScan
 
 Bools = npt.NDArray[np.bool_]
 SEEN_AFTER, DOUBTS = 2, 3  # columns of what is kept of a point
@@ -61,7 +61,7 @@ class MemorySettings:
     sees: float = SEES
 
 
-class ObstacleMemory:
+class RollingObstacleMap:
     """Recent laser points about the robot. `seen` is the stamp of the last sweep of a laser that sees, -inf before the first."""
 
     def __init__(self, settings: MemorySettings | None = None) -> None:
@@ -84,7 +84,7 @@ class ObstacleMemory:
         self._edges: Floats = np.zeros((0, 3))  # the same of the last sweep that was looked at for edges, which may still be in sight
         self._looked = -math.inf  # the way driven at that sweep
 
-    def update(self, odometry: Pose2D, beams: Beams) -> None:
+    def update(self, odometry: Pose2D, beams: LaserScan) -> None:
         """Take a sweep, and the odometry (pose in any frame that is smooth) of the moment at which it was measured."""
         self._travel(odometry)
         if not sees(beams, self.settings.sees):
@@ -121,7 +121,7 @@ class ObstacleMemory:
             self.forget()
         self._way += moved + self.settings.turn * abs(wrap_angle(odometry.theta - before.theta))
 
-    def _look(self, odometry: Pose2D, beams: Beams) -> None:
+    def _look(self, odometry: Pose2D, beams: LaserScan) -> None:
         """Drop what this sweep measures again or sees through, what lies far off, and what was seen too long ago."""
         local, doubts = into(odometry, self._points), self._points[:, DOUBTS]
         again, through = compare(local, beams, self.settings)
@@ -132,7 +132,7 @@ class ObstacleMemory:
         old = self._points[:, SEEN_AFTER] < self._way - np.where(squares < self.settings.close**2, self.settings.close_way, self.settings.way)
         self._points = self._points[~(again | far | old | (doubts >= self.settings.doubts))]
 
-    def _leave(self, odometry: Pose2D, beams: Beams) -> None:
+    def _leave(self, odometry: Pose2D, beams: LaserScan) -> None:
         """Keep what edges hid a moment ago if it is out of sight now, and forget what is in sight: it is seen, or it is not there."""
         if self._way - self._looked < self.settings.apart:
             return
@@ -163,7 +163,7 @@ def _square(points: Floats) -> Floats:
     return x * x + y * y
 
 
-def compare(points: Floats, beams: Beams, settings: MemorySettings) -> tuple[Bools, Bools]:
+def compare(points: Floats, beams: LaserScan, settings: MemorySettings) -> tuple[Bools, Bools]:
     """Return for (n, 2) points in the robot's frame whether a sweep measures them again, and whether it sees through them."""
     seen_from_laser = into(beams.mount, points)
     distances = np.hypot(seen_from_laser[:, 0], seen_from_laser[:, 1])
@@ -178,19 +178,19 @@ def compare(points: Floats, beams: Beams, settings: MemorySettings) -> tuple[Boo
     return again, through
 
 
-def in_view(points: Floats, beams: Beams) -> Bools:
+def in_view(points: Floats, beams: LaserScan) -> Bools:
     """Tell for (n, 2) points in the laser's frame whether they lie between its first and last beam."""
     looked_at: Bools = from_first_beam(np.arctan2(points[:, 1], points[:, 0]), beams) <= from_first_to_last(beams)
     return looked_at
 
 
-def from_first_beam(bearings: Floats, beams: Beams) -> Floats:
+def from_first_beam(bearings: Floats, beams: LaserScan) -> Floats:
     """Return by how much (n,) bearings in the laser's frame are turned from the first beam, the way that the beams go: [0, 2 pi)."""
     turned: Floats = (bearings - beams.angle_min) * math.copysign(1.0, beams.angle_increment) + SAME_BEARING
     return turned % (2.0 * math.pi)
 
 
-def from_first_to_last(beams: Beams) -> float:
+def from_first_to_last(beams: LaserScan) -> float:
     """Return the angle from the first beam to the last.
 
     Not half a step more: the last beam measures nothing beyond itself. If it were taken to, a robot that turns by less than that between
@@ -199,7 +199,7 @@ def from_first_to_last(beams: Beams) -> float:
     return abs(beams.angle_increment) * (len(beams.ranges) - 1) + 2.0 * SAME_BEARING
 
 
-def behind_edges(beams: Beams, settings: MemorySettings) -> Floats:
+def behind_edges(beams: LaserScan, settings: MemorySettings) -> Floats:
     """Return (n, 2) points in the robot's frame that near edges in a sweep hide."""
     near = beams.ranges < settings.edge_near
     if not near.any():
@@ -211,7 +211,7 @@ def behind_edges(beams: Beams, settings: MemorySettings) -> Floats:
     return out_of(beams.mount, np.stack([ends * np.cos(angles), ends * np.sin(angles)], axis=-1).reshape(-1, 2))
 
 
-def sees(beams: Beams, share: float = SEES) -> bool:
+def sees(beams: LaserScan, share: float = SEES) -> bool:
     """Tell whether enough came back for a sweep to be that of a laser that sees: a share of its beams."""
     return len(beams.ranges) > 0 and int(np.count_nonzero(np.isfinite(beams.ranges))) >= share * len(beams.ranges)
 

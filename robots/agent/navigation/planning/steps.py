@@ -9,7 +9,7 @@ from robots.agent.navigation.assistance.braking import Hazards
 from robots.agent.safety.ramp import ZERO
 from robots.api.geometry import Pose2D
 from robots.api.messages import Velocity
-from robots.world.sensing import Beams, Floats
+from robots.world.sensing import Floats, LaserScan
 
 Status = Literal["RUNNING", "FINISHED", "FAILED"]
 NOWHERE: Floats = np.zeros((0, 2))
@@ -24,7 +24,7 @@ class Sense:
     odometry: Pose2D
     velocity: Velocity
     hazards: Hazards
-    beams: Beams
+    beams: LaserScan
     beams_from: Pose2D
     charger_contact: bool
 

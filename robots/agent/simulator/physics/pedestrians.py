@@ -54,7 +54,7 @@ class _Walker:
         return Person(self.x, self.y, self.heading, self.stride, self.look, self.speed)
 
 
-class Crowd:
+class Pedestrians:
     """`count` people in a plan, moved by `step`. `people` are they as they are now, `bumped` how often one walked into the robot.
 
     Args:

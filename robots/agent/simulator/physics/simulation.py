@@ -20,13 +20,13 @@ from robots.agent.simulator.physics.contact import RELEASE, Obstacles, Shape, di
 from robots.agent.simulator.physics.doors import Doors
 from robots.agent.simulator.physics.drive import STILL, Motion, clamp, draw_encoders, follow, reckoned, slip
 from robots.agent.simulator.physics.faults import SOUND, Faults
-from robots.agent.simulator.physics.pedestrians import Crowd
+from robots.agent.simulator.physics.pedestrians import Pedestrians
 from robots.agent.simulator.physics.people import BODY, Person, legs, name_of, solid
 from robots.agent.simulator.physics.random_doors import Draught
 from robots.agent.simulator.profiles import RobotModel
 from robots.api.floorplan import DoorState, FloorPlan
 from robots.api.geometry import Pose2D, wrap_angle
-from robots.world.sensing import Beams
+from robots.world.sensing import LaserScan
 from robots.world.sites import with_doors
 from robots.world.solids import Floats, Opening, fixed_solids, leaf_solid
 
@@ -89,10 +89,10 @@ class Simulation:
         self.tilt = model.tilt.home if model.tilt else 0.0
         self.tilt_target = self.tilt
         self.faults: Faults = SOUND
-        self._crowd: Crowd | None = None
+        self._crowd: Pedestrians | None = None
         self.docked = False  # whether the charging contacts meet
         self._refuse_blocked(start, self.pose)
-        self._crowd = Crowd(plan, people, self.doors, (self.pose.x, self.pose.y), streams[4]) if people else None
+        self._crowd = Pedestrians(plan, people, self.doors, (self.pose.x, self.pose.y), streams[4]) if people else None
         self.docked = self._in_dock()
 
     @property
@@ -191,12 +191,12 @@ class Simulation:
             segments = np.concatenate([segments, *(leaf.sides for leaf in self._doors.moving), legs(self.people)])
         return segments
 
-    def beams(self) -> Beams | None:
+    def beams(self) -> LaserScan | None:
         """Return the same as a sweep with its mount, stamped with `time`; None from a silent laser."""
         if self.faults.laser == "silent":
             return None
         eye = self.model.laser
-        return Beams(self.time, eye.angle_min, eye.angle_increment, eye.range_max, self.scan(), eye.mount)
+        return LaserScan(self.time, eye.angle_min, eye.angle_increment, eye.range_max, self.scan(), eye.mount)
 
     def clearance(self) -> float:
         """Return the distance in metres from the footprint to the nearest thing or person."""

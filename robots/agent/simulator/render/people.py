@@ -14,7 +14,7 @@ from robots.agent.simulator.render.items import Things, gather
 from robots.agent.simulator.render.rays import EDGE
 from robots.agent.simulator.render.scene import Item
 from robots.agent.simulator.render.sprite import DENSITY, draw
-from robots.agent.simulator.render.texture_atlas import Atlas, Upright
+from robots.agent.simulator.render.texture_atlas import TextureAtlas, Upright
 from robots.world.solids import Floats
 
 PHASES = 12  # of a walk
@@ -30,7 +30,7 @@ Key = tuple[int, int, int]
 class Figures:
     """Draws people when they are seen; keeps what it drew, in `atlas`."""
 
-    def __init__(self, atlas: Atlas) -> None:
+    def __init__(self, atlas: TextureAtlas) -> None:
         self._atlas = atlas
         self._kept: dict[Key, tuple[Upright, float, float, float]] = {}
 

@@ -15,7 +15,7 @@ from robots.agent.simulator.render import furniture, textures
 from robots.agent.simulator.render.furniture import Block
 from robots.agent.simulator.render.lighting import Lights, hang, light_floor, light_wall
 from robots.agent.simulator.render.materials import FLOORS, WALLS, WHITE, Picture, Plane, noise, rgb, rug, skirt, tint
-from robots.agent.simulator.render.texture_atlas import Atlas, Flat, Upright
+from robots.agent.simulator.render.texture_atlas import Flat, TextureAtlas, Upright
 from robots.api.floorplan import Decoration, Door, DoorState, FloorPlan, Mirror, Passage, Surface
 from robots.api.geometry import Pose2D
 from robots.world.solids import Floats, bar, fixed_solids, inside, leaf_turn, rectangle
@@ -95,7 +95,7 @@ class Scene:
     """
 
     ceiling: float
-    atlas: Atlas
+    atlas: TextureAtlas
     walls: Floats
     wall_offsets: npt.NDArray[np.intp]
     wall_columns: npt.NDArray[np.intp]
@@ -123,7 +123,7 @@ class Builder:
     def __init__(self, plan: FloorPlan, seed: int) -> None:
         self.plan = plan
         self.rng = np.random.default_rng([seed, 7])
-        self.atlas = Atlas()
+        self.atlas = TextureAtlas()
         self.lights: Lights = hang(plan)
 
     def build(self, model: RobotModel) -> Scene:

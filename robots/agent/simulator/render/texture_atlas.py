@@ -66,7 +66,7 @@ def pack(picture: Picture) -> Texels:
     return Texels(luma, (octets[:, 1] | octets[:, 2].astype(np.uint16) << 8).astype("<u2"))
 
 
-class Atlas:
+class TextureAtlas:
     """Collects pictures; `luma` and `chroma` are what the camera gathers from. They are other arrays when it has grown."""
 
     def __init__(self) -> None:

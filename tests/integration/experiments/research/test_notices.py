@@ -9,8 +9,8 @@ from experiments.tasks import signal_handlers
 from robots.api import messages as m
 from robots.models import Robot
 from sessions import signals
-from sessions.manager.return_to_dock import Homecoming
-from sessions.manager.robot_liveness import Heard
+from sessions.manager.return_to_dock import ReturnToDock
+from sessions.manager.robot_liveness import RobotLiveness
 from sessions.models import Session, SystemLog
 from tests.support import participants as p
 from tests.support import words
@@ -31,16 +31,16 @@ def study():
     return study
 
 
-def pauses(homecoming: Homecoming, seq: int) -> None:
+def pauses(homecoming: ReturnToDock, seq: int) -> None:
     """The robot's emergency stop is on while it should go home."""
     Robot.objects.update(turnaround="returning", turnaround_reason="dock")
-    heard = Heard()
+    heard = RobotLiveness()
     heard.take(words.state(seq, safety=m.Safety(estop=True)), NOW.timestamp())
     homecoming.look({"giraff": heard}, NOW)
 
 
 def test_owners_and_researchers_are_told_once_a_pause_and_the_reason_is_in_the_log(study):
-    homecoming = Homecoming()
+    homecoming = ReturnToDock()
     pauses(homecoming, 1)
     Robot.objects.update(turnaround="paused")
     homecoming.look({}, NOW)
@@ -56,18 +56,18 @@ def test_owners_and_researchers_are_told_once_a_pause_and_the_reason_is_in_the_l
 def test_studies_that_are_not_open_or_drive_another_robot_are_not_told(study):
     study.status = "closed"
     study.save()
-    pauses(Homecoming(), 1)
+    pauses(ReturnToDock(), 1)
     study.status = "published"
     study.save()
     Robot.objects.update(factsheet={"series": "rhodon", "capabilities": ["dock"]})
-    pauses(Homecoming(), 2)
+    pauses(ReturnToDock(), 2)
     assert mail.outbox == []
 
 
 def test_a_mail_server_that_is_away_stops_nobody(study, settings, caplog):
     settings.EMAIL_BACKEND = "django.core.mail.backends.smtp.EmailBackend"
     settings.EMAIL_HOST, settings.EMAIL_PORT = "127.0.0.1", 1
-    pauses(Homecoming(), 1)
+    pauses(ReturnToDock(), 1)
     assert Robot.objects.get().turnaround == "paused"
     assert any(record.message.startswith("staff_not_told") for record in caplog.records)
 

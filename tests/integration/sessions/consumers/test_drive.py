@@ -175,10 +175,10 @@ async def test_the_operator_clears_an_emergency_stop_and_the_driver_does_not(bri
 
 
 async def test_a_page_in_a_hurry_is_slowed_and_a_flood_ends_it(bridge, robot, ada, monkeypatch):
-    from sessions.consumers.authorization import Room
+    from sessions.consumers.authorization import Authorization
 
-    receive = Room.receive
-    monkeypatch.setattr(Room, "receive", lambda room, frame, lease, _now: receive(room, frame, lease, 1000.0))  # all at the same moment
+    receive = Authorization.receive
+    monkeypatch.setattr(Authorization, "receive", lambda room, frame, lease, _now: receive(room, frame, lease, 1000.0))  # all at the same moment
     async with Page("giraff", ada) as page:
         await page.take()
         for seq in range(90):
@@ -437,7 +437,7 @@ async def test_a_late_leave_ends_neither_what_moved_to_another_page_nor_the_visi
 
 
 async def test_a_connection_that_fails_leaves_nothing_behind(bridge, robot, ada, bob, monkeypatch):
-    from sessions.consumers.authorization import Room
+    from sessions.consumers.authorization import Authorization
 
     async with Page("giraff", bob) as other:
         page = Page("giraff", ada)
@@ -448,7 +448,7 @@ async def test_a_connection_that_fails_leaves_nothing_behind(bridge, robot, ada,
         def fail(*_arguments):
             raise RuntimeError("a fault of ours")
 
-        monkeypatch.setattr(Room, "receive", fail)
+        monkeypatch.setattr(Authorization, "receive", fail)
         await page.say("session/leave", protocol.Leave())
         with pytest.raises(RuntimeError, match="a fault of ours"):
             await asyncio.wait_for(page.socket.future, patient(10))

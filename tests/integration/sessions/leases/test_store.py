@@ -17,7 +17,7 @@ from sessions.leases import store
 from sessions.leases.expiry import tick
 from sessions.leases.transitions import IDLE, End, Free, Link, Move, Offer, decide_tick
 from sessions.manager.leadership import STALE_SECONDS, beat, give_back
-from sessions.manager.scheduler import Timekeeper
+from sessions.manager.scheduler import Scheduler
 from sessions.models import Lease, Session
 
 pytestmark = pytest.mark.django_db
@@ -184,7 +184,7 @@ def test_a_look_reads_no_more_for_many_driven_robots_than_for_one(ana, ben, monk
             robot.name: Link(NOW.timestamp(), after(1).timestamp(), after(1).timestamp(), str(robot.lease.session_id), 1, 0.1)
             for robot in Robot.objects.all()
         }
-        keeper = Timekeeper()
+        keeper = Scheduler()
         keeper.look(links, Link(since=NOW.timestamp()), after(0.5))
         keeper.renew(after(0.5))
         with CaptureQueriesContext(connection) as asked:
@@ -234,7 +234,7 @@ def test_robots_that_were_taken_together_are_renewed_apart_and_each_in_time(ana,
     for robot in robots:
         assert isinstance(store.take(robot, ana, f"peer-{robot.name}", now=NOW), store.Granted)
     Session.objects.update(state="driving", driving_at=NOW, first_motion_at=NOW, seen_at=NOW)
-    keeper, told = Timekeeper(), {robot.name: [] for robot in robots}
+    keeper, told = Scheduler(), {robot.name: [] for robot in robots}
     for look in range(21):
         seconds = look * 0.5
         while keeper.renew(after(seconds)):
@@ -251,7 +251,7 @@ def test_robots_that_were_taken_together_are_renewed_apart_and_each_in_time(ana,
 def test_that_nobody_drives_is_told_before_the_news_of_what_has_ended(giraff, ana):
     granted = store.take(giraff, ana, "peer-1", now=NOW)
     Session.objects.update(state="driving", driving_at=NOW)
-    keeper = Timekeeper()
+    keeper = Scheduler()
     assert keeper.renew(after(0.5))
     keeper.outbox.clear()
     store.end(granted.session, Session.Outcome.STOPPED_BY_OPERATOR, "", after(0.9))

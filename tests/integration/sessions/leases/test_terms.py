@@ -15,7 +15,7 @@ from sessions.consumers import queries, relay
 from sessions.leases import store, terms
 from sessions.leases.expiry import tick
 from sessions.leases.transitions import End, Link, Move
-from sessions.manager.scheduler import Timekeeper
+from sessions.manager.scheduler import Scheduler
 from sessions.models import Lease, Session
 from tests.support import words
 from tests.support.fixed_terms import provided
@@ -76,7 +76,7 @@ def test_terms_are_fixed_once_and_travel_with_every_lease(provider, giraff, ana)
 def test_the_session_manager_renews_a_lease_with_its_terms(provider, giraff, ana):
     provider.terms = STUDY
     take(giraff, ana)
-    keeper = Timekeeper()
+    keeper = Scheduler()
     keeper.begin()
     assert keeper.renew(after(1))
     leases = [msgspec.json.decode(letter.payload, type=m.Lease) for letter in keeper.outbox if letter.topic.endswith("/lease") and letter.payload]
@@ -119,7 +119,7 @@ def test_terms_that_nobody_lived_to_store_are_fixed_by_the_session_manager_befor
     provider.terms = STUDY
     session = Session.objects.create(robot=giraff, visitor=ana, live_key="x", queued_at=NOW, seen_at=NOW)
     Lease.objects.create(robot=giraff, epoch=1, session=session, peer="p1", changed_at=NOW)
-    keeper = Timekeeper()
+    keeper = Scheduler()
     keeper.renew(NOW)
     assert not keeper.outbox
     assert tick(giraff, Link(since=NOW.timestamp()), after(1)) == (Move(str(session.pk), "connecting"),)

@@ -8,7 +8,7 @@ from robots.api import codec
 from robots.api.messages import NetworkLab
 from robots.models import FloorPlan, Robot
 from sessions.leases import store, terms
-from sessions.manager.desired_state import StandingOrders
+from sessions.manager.desired_state import DesiredState
 from sessions.models import Session
 
 pytestmark = pytest.mark.django_db
@@ -34,7 +34,7 @@ def said(letters):
 
 
 def test_a_robot_is_told_assistance_doors_and_map_once(giraff):
-    orders = StandingOrders()
+    orders = DesiredState()
     first = said(orders.look(NOW))
     assert (first["config"].assist, first["config"].doors) == ("slow", {"lab-door": "closed"})
     assert first["floorplan"].map_id == "office"
@@ -42,7 +42,7 @@ def test_a_robot_is_told_assistance_doors_and_map_once(giraff):
 
 
 def test_what_is_changed_in_the_administration_is_told_and_nothing_else(giraff, office):
-    orders = StandingOrders()
+    orders = DesiredState()
     orders.look(NOW)
     Robot.objects.update(doors={"lab-door": "open"})
     assert said(orders.look(NOW))["config"].doors == {"lab-door": "open"}
@@ -52,7 +52,7 @@ def test_what_is_changed_in_the_administration_is_told_and_nothing_else(giraff, 
 
 def test_a_robot_without_a_map_is_told_the_rest(giraff):
     Robot.objects.update(floor_plan=None)
-    assert list(said(StandingOrders().look(NOW))) == ["config"]
+    assert list(said(DesiredState().look(NOW))) == ["config"]
 
 
 def visit(robot: Robot, **fixed) -> str:
@@ -65,7 +65,7 @@ def visit(robot: Robot, **fixed) -> str:
 
 def test_the_terms_of_a_visit_go_before_the_robots_own_and_are_undone_when_it_is_over(giraff, office):
     FloorPlan.objects.update(plan={"doors": [{"name": "lounge-door"}, {"name": "store-door", "state": "closed"}]})
-    orders = StandingOrders()
+    orders = DesiredState()
     orders.look(NOW)
     slow = NetworkLab(delay=0.2)
     session = visit(giraff, assist="off", doors={"lounge-door": "closed", "store-door": "open", "lab-door": "open"}, control_network=slow)
@@ -83,4 +83,4 @@ def test_the_terms_of_a_visit_go_before_the_robots_own_and_are_undone_when_it_is
 def test_a_session_manager_that_was_away_when_a_visit_ended_undoes_its_doors(giraff):
     session = visit(giraff, doors={"lounge-door": "closed"})
     store.end(session, "cancelled", "left", NOW)
-    assert said(StandingOrders().look(NOW))["config"].doors == {"lounge-door": "open", "lab-door": "closed"}
+    assert said(DesiredState().look(NOW))["config"].doors == {"lounge-door": "open", "lab-door": "closed"}

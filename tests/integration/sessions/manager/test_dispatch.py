@@ -13,7 +13,7 @@ from sessions.manager import notices
 from sessions.manager.dispatch import send_all
 from sessions.manager.ingest import Intake
 from sessions.models import Session, SessionEvent
-from sessions.recording.builder import Transcript
+from sessions.recording.builder import RecordBuilder
 from sessions.recording.items import ActionItem, EventItem, PhotoItem
 from sessions.recording.store import RecordStore
 from tests.support import words
@@ -85,7 +85,7 @@ def test_what_is_repeated_many_times_a_second_is_not_recorded_as_an_action(intak
 
 
 def test_an_ended_action_stands_once_in_the_record(session):
-    transcript, store = Transcript(RecordStore(), lambda *_: None), RecordStore()
+    transcript, store = RecordBuilder(RecordStore(), lambda *_: None), RecordStore()
     status = m.ActionStatus(action_id="g1", status="CANCELLED", stamp=NOW, type="goto", reason="manual\0")
     for _ in range(2):
         transcript.take(ActionItem("giraff", session, status, NOW))

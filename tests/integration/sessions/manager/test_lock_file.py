@@ -10,7 +10,7 @@ import pytest
 from django.utils import timezone
 
 from sessions.manager.leadership import beat
-from sessions.manager.lock_file import LifeSign
+from sessions.manager.lock_file import LockFile
 
 HOLDER = """
 import sys
@@ -37,7 +37,7 @@ def holder(path):
 
 
 def test_a_process_that_was_killed_is_known_to_be_dead_by_its_name(tmp_path):
-    life = LifeSign(tmp_path / "lock")
+    life = LockFile(tmp_path / "lock")
     with holder(tmp_path / "lock") as process:
         assert life.predecessor() == ""
         process.kill()
@@ -45,27 +45,27 @@ def test_a_process_that_was_killed_is_known_to_be_dead_by_its_name(tmp_path):
         assert life.predecessor() == "first"
         life.sign("second")
         assert life.predecessor() == "second"
-    assert LifeSign(tmp_path / "lock").predecessor() == "", "the file is held by the second"
+    assert LockFile(tmp_path / "lock").predecessor() == "", "the file is held by the second"
     life.release()
-    assert LifeSign(tmp_path / "lock").predecessor() == "second"
+    assert LockFile(tmp_path / "lock").predecessor() == "second"
 
 
 def test_a_process_that_is_only_stopped_is_not_dead(tmp_path):
     with holder(tmp_path / "lock") as process:
         process.send_signal(signal.SIGSTOP)
-        assert LifeSign(tmp_path / "lock").predecessor() == ""
+        assert LockFile(tmp_path / "lock").predecessor() == ""
 
 
 def test_one_who_does_not_hold_the_file_does_not_write_into_it(tmp_path):
     with holder(tmp_path / "lock"):
-        life = LifeSign(tmp_path / "lock")
+        life = LockFile(tmp_path / "lock")
         life.predecessor()
         life.sign("second")
     assert (tmp_path / "lock").read_text().startswith("first\n")
 
 
 def test_where_no_file_can_be_made_nothing_is_known_and_nothing_is_raised(tmp_path):
-    life = LifeSign(tmp_path / "there is no such folder" / "lock")
+    life = LockFile(tmp_path / "there is no such folder" / "lock")
     assert life.predecessor() == ""
     life.sign("second")
     life.release()
@@ -74,13 +74,13 @@ def test_where_no_file_can_be_made_nothing_is_known_and_nothing_is_raised(tmp_pa
 def test_a_copy_of_the_file_names_nobody_for_its_writer_may_live(tmp_path):
     with holder(tmp_path / "lock"):
         (tmp_path / "copy").write_bytes((tmp_path / "lock").read_bytes())
-        assert LifeSign(tmp_path / "copy").predecessor() == ""
+        assert LockFile(tmp_path / "copy").predecessor() == ""
 
 
 def test_a_file_of_another_computer_names_nobody(tmp_path, monkeypatch):
     with holder(tmp_path / "lock"):
         pass
-    life = LifeSign(tmp_path / "lock")
+    life = LockFile(tmp_path / "lock")
     assert life.predecessor() == "first"
     (tmp_path / "boot").write_text("another")
     monkeypatch.setattr("sessions.manager.lock_file.BOOT", tmp_path / "boot")
@@ -91,7 +91,7 @@ def test_a_file_of_another_computer_names_nobody(tmp_path, monkeypatch):
 def test_a_file_that_was_removed_names_nobody(tmp_path):
     with holder(tmp_path / "lock"):
         (tmp_path / "lock").unlink()
-        assert LifeSign(tmp_path / "lock").predecessor() == ""
+        assert LockFile(tmp_path / "lock").predecessor() == ""
 
 
 @pytest.mark.django_db

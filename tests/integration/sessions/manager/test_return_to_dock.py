@@ -13,8 +13,8 @@ from sessions.leases import store
 from sessions.leases.expiry import tick
 from sessions.leases.readiness import LATE, ORDERED
 from sessions.leases.transitions import Link, Offer, Withdraw
-from sessions.manager.return_to_dock import Homecoming
-from sessions.manager.robot_liveness import Heard
+from sessions.manager.return_to_dock import ReturnToDock
+from sessions.manager.robot_liveness import RobotLiveness
 from sessions.models import SystemLog
 from tests.support import words
 
@@ -46,7 +46,7 @@ class Situation:
     """The robot as the session manager hears it."""
 
     def __init__(self):
-        self.homecoming, self.heard, self.seq = Homecoming(), Heard(), 0
+        self.homecoming, self.heard, self.seq = ReturnToDock(), RobotLiveness(), 0
 
     def says(self, now, *, trip=0.05, **changes):
         """A state, and an answer to the server's beat that was under way for so many seconds."""
@@ -140,7 +140,7 @@ def test_a_session_manager_that_starts_anew_goes_on_with_robots_under_way(giraff
     a_visit_ends(giraff, ana)
     situation.says(after(1), docked=False)
     assert situation.look(after(1))
-    situation.homecoming = Homecoming()
+    situation.homecoming = ReturnToDock()
     assert [type(action) for action in situation.look(after(2))] == [m.Dock]
 
 

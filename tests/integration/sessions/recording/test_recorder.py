@@ -14,7 +14,7 @@ from robots.api import codec, messages
 from robots.models import Robot
 from sessions.models import Session, SessionEvent, Snapshot, StateChunk, SystemLog
 from sessions.recording import store as record_store
-from sessions.recording.builder import Transcript
+from sessions.recording.builder import RecordBuilder
 from sessions.recording.items import CloseItem, EventItem, PhotoItem, StateItem
 from sessions.recording.recorder import Recorder
 from sessions.recording.store import RecordStore, new_key
@@ -48,8 +48,8 @@ def stored(session) -> list[int]:
     return [state["seq"] for chunk in StateChunk.objects.filter(session=session).order_by("first_seq") for state in chunk.states]
 
 
-def transcript() -> Transcript:
-    return Transcript(RecordStore(), lambda *_: None)
+def transcript() -> RecordBuilder:
+    return RecordBuilder(RecordStore(), lambda *_: None)
 
 
 def wait_until(condition, seconds: float = 10.0):
@@ -299,7 +299,7 @@ def test_a_closed_record_is_opened_again_when_states_come_late(session):
 
 
 def test_an_error_that_is_not_the_databases_is_noticed(session, monkeypatch):
-    monkeypatch.setattr(Transcript, "take", lambda *_: 1 / 0)
+    monkeypatch.setattr(RecordBuilder, "take", lambda *_: 1 / 0)
     recorder, silenced = Recorder(lambda *_: None), threading.excepthook
     monkeypatch.setattr(threading, "excepthook", lambda _: None)
     recorder.start()

@@ -3,7 +3,7 @@
 import errno
 from types import SimpleNamespace
 
-from robots.agent.safety.estop_latch import Latch
+from robots.agent.safety.estop_latch import EStopLatch
 from robots.agent.safety.lease import Remembered
 from robots.agent.store import Store
 from robots.api import disk_space
@@ -14,7 +14,7 @@ def test_a_latch_comes_back_as_it_was_and_is_gone_when_it_was_opened(tmp_path):
     store = Store(tmp_path / "new" / "giraff")
     assert store.latch() is None
     store.prepare()
-    latch = Latch("staff", 123.5, "ops", "a child")
+    latch = EStopLatch("staff", 123.5, "ops", "a child")
     store.keep_latch(latch)
     assert Store(tmp_path / "new" / "giraff").latch() == latch
     store.keep_latch(None)
@@ -39,9 +39,9 @@ def test_the_newest_lease_comes_back_and_one_that_cannot_be_read_is_none(tmp_pat
 
 def test_a_write_that_was_interrupted_leaves_the_old_file(tmp_path):
     store = Store(tmp_path)
-    store.keep_latch(Latch("driver", 1.0))
+    store.keep_latch(EStopLatch("driver", 1.0))
     (tmp_path / "estop.new").write_text('{"sour')
-    assert store.latch() == Latch("driver", 1.0)
+    assert store.latch() == EStopLatch("driver", 1.0)
 
 
 def test_a_disk_that_fills_up_is_told_before_it_is_full(tmp_path, monkeypatch):

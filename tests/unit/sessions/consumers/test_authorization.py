@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from robots.api import codec
 from robots.api import messages as m
 from sessions import protocol
-from sessions.consumers.authorization import Close, Deny, Halt, Publish, Report, Room, Verb
+from sessions.consumers.authorization import Authorization, Close, Deny, Halt, Publish, Report, Verb
 from tests.support import words
 
 PEER, SESSION = "peer-1", "session-1"
@@ -20,13 +20,13 @@ FORGED = {"session": "other", "epoch": 999}
 
 
 def driver(**options):
-    room = Room(PEER, "Ada", ice_servers=ICE, **options)
+    room = Authorization(PEER, "Ada", ice_servers=ICE, **options)
     room.drive(SESSION, 7, PEER)
     return room
 
 
 def observer(**options):
-    room = Room("peer-2", "Bob", ice_servers=ICE, **options)
+    room = Authorization("peer-2", "Bob", ice_servers=ICE, **options)
     room.observe()
     return room
 
@@ -92,7 +92,7 @@ def test_a_driver_without_the_lease_in_force_may_stop_and_nothing_else(lease):
 
 
 @pytest.mark.parametrize("kind", [m.Stop, m.EStop])
-@pytest.mark.parametrize("make", [driver, observer, lambda: Room("p", "Eve")], ids=["driver", "observer", "guest"])
+@pytest.mark.parametrize("make", [driver, observer, lambda: Authorization("p", "Eve")], ids=["driver", "observer", "guest"])
 def test_stop_and_estop_pass_from_everybody_under_their_own_name(make, kind):
     (effect,) = say(make(), "command/action", action(kind, role="owner", user="Mallory", **FORGED))
     drives = make is driver
@@ -141,11 +141,11 @@ def test_an_observers_offer_says_observer_whatever_the_page_says():
 
 
 def test_who_neither_drives_nor_watches_signals_nothing():
-    assert say(Room("p", "Eve"), "signal", m.Offer(sdp="v=0")) == (Deny("signal", "no_role"),)
+    assert say(Authorization("p", "Eve"), "signal", m.Offer(sdp="v=0")) == (Deny("signal", "no_role"),)
 
 
 def test_who_waits_may_watch_meanwhile_and_drives_as_nobody():
-    room = Room("peer-3", "Cid")
+    room = Authorization("peer-3", "Cid")
     room.wait("session-3")
     room.observe()
     (effect,) = say(room, "signal", m.Offer(sdp="v=0", role="driver"))
@@ -316,7 +316,7 @@ def test_no_frame_raises_and_none_but_a_whole_message_has_an_effect(frame, drive
 @given(said=MESSAGES, place=st.sampled_from(["driver", "observer", "guest", "late"]), operator=st.sampled_from([None, "staff", "owner"]))
 def test_nothing_that_a_page_says_of_itself_reaches_the_robot(said, place, operator):
     suffix, message = said
-    room = {"driver": driver, "late": driver, "observer": observer, "guest": lambda **options: Room("peer-4", "Eve", **options)}[place](
+    room = {"driver": driver, "late": driver, "observer": observer, "guest": lambda **options: Authorization("peer-4", "Eve", **options)}[place](
         operator=operator
     )
     lease = msgspec.structs.replace(LEASE, epoch=8) if place == "late" else LEASE
@@ -358,13 +358,13 @@ def test_one_request_lets_one_picture_through():
 
 
 def test_a_guest_gets_no_picture():
-    room = Room("peer-3", "Eve")
+    room = Authorization("peer-3", "Eve")
     assert say(room, "command/picture", WANTED) == (Deny("command/picture", "no_role"),)
     assert not room.may_see_picture(LEASE)
 
 
 def test_whoever_waits_without_watching_gets_no_picture():
-    room = Room("peer-3", "Eve")
+    room = Authorization("peer-3", "Eve")
     room.wait("session-9")
     assert say(room, "command/picture", WANTED) == (Deny("command/picture", "no_role"),)
 
@@ -410,7 +410,7 @@ def test_a_drivers_dot_carries_what_the_server_knows():
 
 def test_nobody_points_without_driving():
     assert say(observer(), "command/point", DOT) == (Deny("command/point", "observer"),)
-    assert say(Room("peer-3", "Eve"), "command/point", DOT) == (Deny("command/point", "not_driver"),)
+    assert say(Authorization("peer-3", "Eve"), "command/point", DOT) == (Deny("command/point", "not_driver"),)
     assert say(driver(), "command/point", DOT, msgspec.structs.replace(LEASE, epoch=8)) == (Deny("command/point", "not_driver"),)
 
 

@@ -7,7 +7,7 @@ from asgiref.sync import sync_to_async
 from django.db import OperationalError
 
 from sessions.consumers import last_seen
-from sessions.consumers.last_seen import RollCall
+from sessions.consumers.last_seen import LastSeenBatcher
 
 
 @pytest.fixture
@@ -28,21 +28,21 @@ def asked(monkeypatch):
 
 
 async def test_many_pages_are_one_question_and_each_gets_its_own_answer(asked):
-    pages = RollCall()
+    pages = LastSeenBatcher()
     assert await asyncio.gather(*(pages.seen(session) for session in ("a", "over", "b"))) == [True, False, True]
     assert await pages.seen("a")
     assert asked == [{"a", "over", "b"}, {"a"}]
 
 
 async def test_a_database_that_is_away_is_told_to_every_page_and_asked_again_by_the_next(asked):
-    pages = RollCall()
+    pages = LastSeenBatcher()
     told = await asyncio.gather(pages.seen("a"), pages.seen("away"), return_exceptions=True)
     assert [type(one) for one in told] == [OperationalError, OperationalError]
     assert await pages.seen("a")
 
 
 async def test_a_page_that_leaves_meanwhile_takes_nobody_else_with_it(asked):
-    pages = RollCall()
+    pages = LastSeenBatcher()
     leaves, stays = (asyncio.create_task(pages.seen(session)) for session in ("a", "b"))
     await asyncio.sleep(0)
     leaves.cancel()
@@ -51,7 +51,7 @@ async def test_a_page_that_leaves_meanwhile_takes_nobody_else_with_it(asked):
 
 
 async def test_a_page_that_has_closed_meanwhile_is_not_said_to_be_open(asked):
-    pages = RollCall()
+    pages = LastSeenBatcher()
     closes, stays = (asyncio.create_task(pages.seen(session)) for session in ("a", "b"))
     await asyncio.sleep(0)
     pages.forget("a")
@@ -60,7 +60,7 @@ async def test_a_page_that_has_closed_meanwhile_is_not_said_to_be_open(asked):
 
 
 def test_a_roll_call_of_a_loop_that_is_over_is_not_waited_for(asked):
-    pages = RollCall()
+    pages = LastSeenBatcher()
 
     async def first():
         task = asyncio.create_task(pages.seen("a"))

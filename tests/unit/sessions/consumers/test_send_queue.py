@@ -7,21 +7,21 @@ import pytest
 
 from sessions import protocol
 from sessions.consumers.relay import Outgoing
-from sessions.consumers.send_queue import Mailbox
-from sessions.consumers.sender import Outbox
+from sessions.consumers.send_queue import SendQueue
+from sessions.consumers.sender import Sender
 from tests.support.lateness import watched
 from tests.support.pages import until
 
 
 async def test_frames_come_out_in_the_order_in_which_they_came_in():
-    mailbox = Mailbox()
+    mailbox = SendQueue()
     for number in range(10):
         mailbox.put(str(number), droppable=number % 3 == 0)
     assert [await mailbox.take() for _ in range(10)] == [str(number) for number in range(10)]
 
 
 async def test_the_oldest_telemetry_goes_and_nothing_else():
-    mailbox = Mailbox(droppable=3, kept=100)
+    mailbox = SendQueue(droppable=3, kept=100)
     for number in range(10):
         mailbox.put(f"state {number}", droppable=True)
         mailbox.put(f"event {number}", droppable=False)
@@ -33,7 +33,7 @@ async def test_the_oldest_telemetry_goes_and_nothing_else():
 
 
 async def test_whoever_waits_is_woken_by_a_frame():
-    mailbox = Mailbox()
+    mailbox = SendQueue()
     taking = asyncio.create_task(mailbox.take())
     await mailbox.wait_empty(5.0)
     assert mailbox.put("x", droppable=True)
@@ -56,7 +56,7 @@ class Wire:
 @pytest.fixture
 async def network():
     network = Wire()
-    network.outbox = Outbox(network.send, network.close, lambda: network.full)
+    network.outbox = Sender(network.send, network.close, lambda: network.full)
     yield network
     network.outbox.abandon()
 
@@ -116,7 +116,7 @@ async def test_of_pictures_only_the_newest_waits_however_many_come(network):
 
 
 async def test_pictures_keep_neither_words_nor_telemetry_from_a_page():
-    mailbox = Mailbox()
+    mailbox = SendQueue()
     mailbox.put("state", droppable=True)
     mailbox.put_picture(b"old")
     mailbox.put("event", droppable=False)

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-from sessions.leases.readiness import AGAIN, ATTEMPTS, LATE, LONGEST, PAUSE, Condition, Order, Turnaround, decide
+from sessions.leases.readiness import AGAIN, ATTEMPTS, LATE, LONGEST, PAUSE, Condition, Order, Readiness, decide
 
 AWAY = Condition(docked=False, charge=0.8, charge_limit=0.2)
 HOME = replace(AWAY, docked=True)
@@ -13,11 +13,11 @@ def told(turnaround, kind, at, status="", reason=""):
 
 
 def test_a_robot_that_is_docked_localized_charged_and_level_is_ready():
-    assert decide(Turnaround(), HOME, 0.0) == (Turnaround("ready"), None)
+    assert decide(Readiness(), HOME, 0.0) == (Readiness("ready"), None)
 
 
 def test_a_robot_that_is_away_is_told_to_dock_once():
-    first, order = decide(Turnaround(), AWAY, 0.0)
+    first, order = decide(Readiness(), AWAY, 0.0)
     assert (first.phase, order) == ("returning", "dock")
     assert decide(told(first, "dock", 0.0, "RUNNING"), AWAY, 100.0)[1] is None
 
@@ -26,18 +26,18 @@ def test_a_robot_that_is_away_is_told_to_dock_once():
     ("condition", "order"), [(replace(HOME, localized=False), "relocalize"), (replace(HOME, level=False), "level")]
 )  # fmt: skip
 def test_a_docked_robot_is_told_what_it_lacks(condition, order):
-    turnaround, kind = decide(Turnaround(), condition, 0.0)
+    turnaround, kind = decide(Readiness(), condition, 0.0)
     assert (turnaround.phase, kind) == ("returning", order)
 
 
 def test_a_docked_robot_that_is_empty_charges_until_it_is_above_its_limit():
     empty = replace(HOME, charge=0.1)
-    assert decide(Turnaround(), empty, 0.0)[0] == Turnaround("charging", "charging")
-    assert decide(Turnaround("charging", "charging"), replace(empty, charge=0.21), 1.0)[0].phase == "ready"
+    assert decide(Readiness(), empty, 0.0)[0] == Readiness("charging", "charging")
+    assert decide(Readiness("charging", "charging"), replace(empty, charge=0.21), 1.0)[0].phase == "ready"
 
 
 def test_docking_that_fails_is_tried_again_and_then_pauses_with_the_robots_reason():
-    turnaround, now, orders = Turnaround(), 0.0, 0
+    turnaround, now, orders = Readiness(), 0.0, 0
     for _ in range(200):
         turnaround, kind = decide(turnaround, AWAY, now)
         if kind is not None:
@@ -55,7 +55,7 @@ def test_docking_that_fails_is_tried_again_and_then_pauses_with_the_robots_reaso
 
 
 def test_a_robot_that_never_answers_is_told_again():
-    turnaround = told(Turnaround(), "dock", 0.0)
+    turnaround = told(Readiness(), "dock", 0.0)
     assert decide(turnaround, AWAY, LONGEST["dock"])[1] is None
     waiting, kind = decide(turnaround, AWAY, LONGEST["dock"] + 1)
     assert (waiting.reason, kind) == ("no_answer", None)
@@ -63,37 +63,37 @@ def test_a_robot_that_never_answers_is_told_again():
 
 
 def test_somebody_who_pushes_the_robot_home_ends_the_attempt():
-    assert decide(told(Turnaround(), "dock", 0.0, "RUNNING"), HOME, 5.0)[0].phase == "ready"
+    assert decide(told(Readiness(), "dock", 0.0, "RUNNING"), HOME, 5.0)[0].phase == "ready"
 
 
 def test_after_docking_the_head_has_attempts_of_its_own():
-    docked = told(replace(Turnaround(), attempts=2, tried_at=0.0), "dock", 1.0, "FINISHED")
+    docked = told(replace(Readiness(), attempts=2, tried_at=0.0), "dock", 1.0, "FINISHED")
     turnaround, kind = decide(docked, replace(HOME, level=False), 2.0)
     assert (turnaround.attempts, kind) == (0, "level")
 
 
 def test_an_emergency_stop_pauses_at_once_and_lets_go_of_the_order():
-    turnaround, kind = decide(told(Turnaround(), "dock", 0.0, "RUNNING"), replace(AWAY, estop=True), 1.0)
+    turnaround, kind = decide(told(Readiness(), "dock", 0.0, "RUNNING"), replace(AWAY, estop=True), 1.0)
     assert (turnaround.phase, turnaround.reason, turnaround.order, kind) == ("paused", "estop", None, None)
     assert decide(turnaround, AWAY, 2.0)[1] == "dock"
 
 
 def test_nothing_is_ordered_of_a_robot_that_is_not_heard():
-    turnaround, kind = decide(Turnaround(), replace(AWAY, heard=False), 0.0)
+    turnaround, kind = decide(Readiness(), replace(AWAY, heard=False), 0.0)
     assert (turnaround.phase, turnaround.reason, kind) == ("returning", "offline", None)
 
 
 def test_a_robot_with_a_camera_is_ready_once_it_gave_a_picture_at_home():
     seeing = replace(HOME, sees=True)
-    turnaround, kind = decide(Turnaround(), seeing, 0.0)
+    turnaround, kind = decide(Readiness(), seeing, 0.0)
     assert (turnaround.phase, turnaround.reason, kind) == ("returning", "picture", "picture")
     assert decide(told(turnaround, "picture", 0.0, "RUNNING"), seeing, 1.0)[0].phase == "returning"
-    assert decide(told(turnaround, "picture", 0.0, "FINISHED"), seeing, 2.0) == (Turnaround("ready"), None)
+    assert decide(told(turnaround, "picture", 0.0, "FINISHED"), seeing, 2.0) == (Readiness("ready"), None)
     assert decide(told(turnaround, "picture", 0.0, "FAILED", "too_large"), seeing, 2.0)[0].phase == "ready", "a large picture is one, too"
 
 
 def test_a_camera_without_pictures_pauses_the_queue_and_is_tried_again():
-    turnaround, now, orders = Turnaround(), 0.0, 0
+    turnaround, now, orders = Readiness(), 0.0, 0
     for _ in range(100):
         turnaround, kind = decide(turnaround, replace(HOME, sees=True), now)
         if kind is not None:
@@ -108,14 +108,14 @@ def test_a_camera_without_pictures_pauses_the_queue_and_is_tried_again():
 
 def test_no_picture_is_asked_for_while_the_robot_still_has_its_last_driver():
     held = replace(HOME, sees=True, let_go=False)
-    turnaround, kind = decide(Turnaround(), held, 0.0)
+    turnaround, kind = decide(Readiness(), held, 0.0)
     assert (turnaround.phase, kind) == ("returning", None)
     assert decide(turnaround, replace(held, let_go=True), 1.0)[1] == "picture"
 
 
 def test_a_picture_from_before_it_was_pushed_out_of_its_station_does_not_count():
     seeing = replace(HOME, sees=True)
-    turnaround, _ = decide(told(Turnaround(), "picture", 0.0, "FINISHED"), replace(seeing, prompt=False), 1.0)
+    turnaround, _ = decide(told(Readiness(), "picture", 0.0, "FINISHED"), replace(seeing, prompt=False), 1.0)
     assert decide(turnaround, seeing, 2.0)[0].phase == "ready"
     away, kind = decide(turnaround, replace(seeing, docked=False), 2.0)
     assert kind == "dock"
@@ -124,9 +124,9 @@ def test_a_picture_from_before_it_was_pushed_out_of_its_station_does_not_count()
 
 def test_a_robot_that_answers_too_late_is_waited_for_and_pauses_the_queue_in_the_end():
     late = replace(HOME, sees=True, prompt=False)
-    turnaround, kind = decide(Turnaround(), late, 100.0)
+    turnaround, kind = decide(Readiness(), late, 100.0)
     assert (turnaround.phase, turnaround.reason, kind) == ("returning", "network", None)
     turnaround, _ = decide(turnaround, late, 100.0 + LATE)
     assert (turnaround.phase, turnaround.reason) == ("paused", "network")
     assert decide(turnaround, replace(late, prompt=True), 200.0)[1] == "picture"
-    assert decide(turnaround, replace(late, sees=False, prompt=True), 200.0)[0] == Turnaround("ready")
+    assert decide(turnaround, replace(late, sees=False, prompt=True), 200.0)[0] == Readiness("ready")

@@ -6,7 +6,7 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import given, settings
 
-from sessions.recording.sequence_tracker import ATTEMPTS, HEAD, PATIENCE, REPEAT, Intervals, Ledger
+from sessions.recording.sequence_tracker import ATTEMPTS, HEAD, PATIENCE, REPEAT, Intervals, SequenceTracker
 
 NUMBERS = st.integers(0, 60)
 RANGES = st.lists(st.tuples(NUMBERS, st.integers(0, 8)).map(lambda pair: (pair[0], pair[0] + pair[1])), max_size=20)
@@ -26,14 +26,14 @@ def test_intervals_are_a_set_of_numbers(ranges, first, width):
     assert all(after[0] > before[1] + 1 for before, after in itertools.pairwise(kept)), "ranges neither touch nor overlap"
 
 
-def due(ledger: Ledger, now: float, *, present: bool = True, alive: bool = True):
+def due(ledger: SequenceTracker, now: float, *, present: bool = True, alive: bool = True):
     return ledger.due(now, present=present, alive=alive)
 
 
 @pytest.fixture
-def ledger() -> Ledger:
+def ledger() -> SequenceTracker:
     """A ledger in the middle of the session `s`, whose last state was 10."""
-    ledger = Ledger()
+    ledger = SequenceTracker()
     ledger.begins(1, "s", 0.0)
     for seq in range(1, 11):
         assert ledger.arrive(seq, "s", 0.0)
@@ -94,7 +94,7 @@ def test_a_pause_of_the_lease_is_no_hole(ledger):
 
 
 def test_the_first_states_of_a_session_are_owed_from_its_beginning():
-    ledger = Ledger()
+    ledger = SequenceTracker()
     ledger.begins(100, "s", 0.0)
     ledger.arrive(103, "s", 0.0)
     assert due(ledger, 2.0) == ([(100, 102)], [])
@@ -112,7 +112,7 @@ def test_a_session_that_ends_where_it_was_seen_owes_nothing(ledger):
 
 
 def test_after_a_restart_the_stored_states_count_and_what_came_since_is_owed():
-    ledger = Ledger()
+    ledger = SequenceTracker()
     ledger.restore("s", [(1, 10), (11, 20)], 0.0)
     assert not ledger.arrive(15, "s", 0.0)
     assert ledger.arrive(31, "s", 0.0)
@@ -120,14 +120,14 @@ def test_after_a_restart_the_stored_states_count_and_what_came_since_is_owed():
 
 
 def test_a_hole_that_was_stored_is_asked_for_once_and_not_missed():
-    ledger = Ledger()
+    ledger = SequenceTracker()
     ledger.restore("s", [(1, 10), (15, 20)], 0.0)
     assert due(ledger, 2.0) == ([(11, 14)], [])
     assert due(ledger, 2.0 + REPEAT) == ([], [])
 
 
 def test_without_any_knowledge_the_last_minute_is_asked_for_once():
-    ledger = Ledger()
+    ledger = SequenceTracker()
     ledger.arrive(1000, "s", 0.0)
     assert due(ledger, 2.0) == ([(1000 - HEAD, 999)], [])
     assert due(ledger, 2.0 + REPEAT) == ([], [])
@@ -142,7 +142,7 @@ def test_a_robot_that_counts_strangely_costs_nothing(ledger):
 @settings(max_examples=300, deadline=None)
 @given(st.permutations(range(1, 31)), st.sets(st.integers(2, 29), max_size=10))
 def test_in_whatever_order_states_come_what_is_owed_is_what_is_missing(order, lost):
-    ledger = Ledger()
+    ledger = SequenceTracker()
     ledger.begins(1, "s", 0.0)
     for seq in order:
         if seq not in lost:

@@ -12,7 +12,7 @@ from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import GIRAFF, RHODON, RobotModel
 from robots.api.geometry import MapTransform, Pose2D, wrap_angle
 from robots.world.grid import MapError, OccupancyGrid
-from robots.world.sensing import Beams, Estimate
+from robots.world.sensing import Estimate, LaserScan
 from robots.world.sites import load_site
 from tests.support.drawn_map import beams_from, drawn_map, standing
 from tests.support.wanderer import TICK, Wanderer, Ways
@@ -212,7 +212,7 @@ def test_people_all_around_a_standing_robot_do_not_move_it() -> None:
     assert drive.simulation.pose.distance(estimate.pose) < 0.1
 
 
-def mirrored(beams: Beams, share: float) -> Beams:
+def mirrored(beams: LaserScan, share: float) -> LaserScan:
     """Return a sweep in which the middle beams went through glass, or came back from a mirror: twice as far."""
     ranges = beams.ranges.copy()
     middle, half = len(ranges) // 2, int(len(ranges) * share / 2)
@@ -236,7 +236,7 @@ def test_a_mirror_or_a_pane_of_glass_before_the_robot_does_not_move_it() -> None
 def test_a_robot_whose_laser_is_covered_says_that_it_does_not_know() -> None:
     localizer = Localizer(OFFICE.grid, np.random.default_rng(19))
     for number in range(30):
-        estimate = localizer.update(0.1 * number, Pose2D(0.0, 0.0, 0.0), Beams(0.1 * number, -2.0, 0.02, 10.0, np.full(200, 0.05)))
+        estimate = localizer.update(0.1 * number, Pose2D(0.0, 0.0, 0.0), LaserScan(0.1 * number, -2.0, 0.02, 10.0, np.full(200, 0.05)))
     assert not estimate.localized
     assert estimate.score == 0.0
 

@@ -13,13 +13,13 @@ from robots.agent import framing
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.__main__ import Conversation, frames, serve
 from robots.agent.autonomy.area import update_of
-from robots.agent.autonomy.pose_extrapolator import STALE, Whereabouts
-from robots.agent.autonomy.sensor_snapshot import Body, Perception, Thought, beams_of
+from robots.agent.autonomy.pose_extrapolator import STALE, PoseExtrapolator
+from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput, SensorSnapshot, beams_of
 from robots.agent.robot_interface import NOWHERE, ActionProgress
 from robots.agent.simulator.profiles import model_of
 from robots.api.geometry import Pose2D
 from robots.api.messages import Goto, Laser, Scan, Velocity
-from robots.world.sensing import Beams
+from robots.world.sensing import LaserScan
 from robots.world.sites import load_site
 
 GIRAFF = model_of("giraff")
@@ -36,26 +36,26 @@ def thought(**fields):
         "score": 0.9,
         "localized": True,
     } | fields
-    return Thought(**values)
+    return NavigationOutput(**values)
 
 
 def wall(distance, stamp=1.0):
     """A sweep of a laser in the robot's centre that sees a wall `distance` ahead."""
     angles = np.linspace(-1.0, 1.0, 81)
-    return Beams(stamp, -1.0, 2.0 / 80, 10.0, distance / np.cos(angles))
+    return LaserScan(stamp, -1.0, 2.0 / 80, 10.0, distance / np.cos(angles))
 
 
 # --- whereabouts -----------------------------------------------------------------------------------------------------------
 
 
 def test_before_the_first_thought_nobody_knows_anything():
-    assert Whereabouts().pose(Pose2D(1.0, 2.0, 3.0), 0.0) == NOWHERE
+    assert PoseExtrapolator().pose(Pose2D(1.0, 2.0, 3.0), 0.0) == NOWHERE
 
 
 @seed(5)
 @given(st.tuples(*[st.floats(-50.0, 50.0)] * 2, st.floats(-3.0, 3.0)), st.tuples(*[st.floats(-1.0, 1.0)] * 3))
 def test_between_two_thoughts_the_pose_moves_as_the_odometry_does(before, way):
-    there = Whereabouts()
+    there = PoseExtrapolator()
     odometry, step = Pose2D(*before), Pose2D(*way)
     there.take(thought(odometry=odometry), 0.0)
     expected = Pose2D(2.0, 3.0, 1.0).compose(step)
@@ -67,7 +67,7 @@ def test_between_two_thoughts_the_pose_moves_as_the_odometry_does(before, way):
 
 
 def test_a_pose_that_no_thought_confirms_is_no_localization():
-    there = Whereabouts()
+    there = PoseExtrapolator()
     there.take(thought(), 0.0)
     late = there.pose(Pose2D(10.0, -4.0, 0.5), STALE + 0.1)
     assert (late.localized, late.score) == (False, 0.0)
@@ -75,7 +75,7 @@ def test_a_pose_that_no_thought_confirms_is_no_localization():
 
 
 def test_variances_without_end_fit_on_the_wire():
-    there = Whereabouts()
+    there = PoseExtrapolator()
     there.take(thought(covariance=(math.inf,) * 6, localized=False, score=1.5), 0.0)
     pose = there.pose(Pose2D(0.0, 0.0, 0.0), 0.0)
     assert all(math.isfinite(value) for value in pose.covariance)
@@ -97,7 +97,7 @@ def test_a_scans_gaps_are_places_where_nothing_came_back():
 
 def moment(**fields):
     values = {"stamp": 1.0, "odometry": Pose2D(1.0, 2.0, 0.3), "velocity": AHEAD, "beams": wall(1.5), "points": np.array([[1.0, 2.0], [3.0, 4.0]])}
-    return Perception(**values | fields)
+    return SensorSnapshot(**values | fields)
 
 
 def test_a_perception_survives_the_wire():

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robots.agent.localization.particle_filter import Cloud, Sampling, around, evenly, heaviest, needed, places, wrapped
+from robots.agent.localization.particle_filter import ParticleSet, Sampling, around, evenly, heaviest, needed, places, wrapped
 
 SAMPLING = Sampling()
 
@@ -33,7 +33,7 @@ def test_a_heading_of_a_full_turn_fills_no_new_cell() -> None:
 
 
 def test_drawing_keeps_the_shares() -> None:
-    cloud = Cloud(about((0.0, 0.0, 0.0), (5.0, 0.0, 0.0)), np.repeat([0.3 / 500, 0.7 / 500], 500))
+    cloud = ParticleSet(about((0.0, 0.0, 0.0), (5.0, 0.0, 0.0)), np.repeat([0.3 / 500, 0.7 / 500], 500))
     drawn = cloud.drawn(SAMPLING, np.random.default_rng(2))
     assert (drawn.poses[:, 0] > 2.0).mean() == pytest.approx(0.7, abs=0.02)
     assert drawn.weights.sum() == pytest.approx(1.0)
@@ -58,7 +58,7 @@ def test_weights_sum_to_one_whatever_the_evidence(evidence: list[float]) -> None
 
 
 def test_the_heaviest_cluster_is_found_with_its_share() -> None:
-    cloud = Cloud(about((1.0, 2.0, 3.1), (6.0, 2.0, 3.1)), np.repeat([0.8 / 500, 0.2 / 500], 500))
+    cloud = ParticleSet(about((1.0, 2.0, 3.1), (6.0, 2.0, 3.1)), np.repeat([0.8 / 500, 0.2 / 500], 500))
     cluster = heaviest(cloud, 0.6, math.radians(30.0))
     assert cluster.mean[:2] == pytest.approx([1.0, 2.0], abs=0.02)
     assert cluster.share == pytest.approx(0.8, abs=0.01)

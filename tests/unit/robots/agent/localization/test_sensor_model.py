@@ -8,7 +8,7 @@ import pytest
 from robots.agent.localization.field import field_of
 from robots.agent.localization.sensor_model import Agreement, SensorModel, Sweep, agreement, likelihood_field, sweep_of
 from robots.api.geometry import Pose2D
-from robots.world.sensing import CENTRE, Beams
+from robots.world.sensing import CENTRE, LaserScan
 from tests.support.drawn_map import beams_from, drawn_map, standing
 
 MAP = """
@@ -85,13 +85,13 @@ def test_a_beam_that_fits_nothing_costs_the_same_however_far_it_ends() -> None:
 
 def test_beams_that_did_not_come_back_and_the_robots_own_hand_are_left_out() -> None:
     ranges = np.array([math.nan, math.inf, 0.02, -1.0, 2.0])
-    seen = sweep_of(Beams(0.0, 0.0, 0.1, 8.0, ranges), 0.1)
+    seen = sweep_of(LaserScan(0.0, 0.0, 0.1, 8.0, ranges), 0.1)
     assert seen.ranges.tolist() == [2.0]
     assert seen.angles == pytest.approx([0.4])
 
 
 def test_no_beams_say_nothing() -> None:
-    nothing = sweep_of(Beams(0.0, 0.0, 0.1, 8.0, np.array([math.inf])), 0.1)
+    nothing = sweep_of(LaserScan(0.0, 0.0, 0.1, 8.0, np.array([math.inf])), 0.1)
     assert likelihood_field(FIELD, MODEL).of(at(POSE, POSE), nothing).tolist() == [0.0, 0.0]
     assert agreement(FIELD, MODEL, at(POSE), nothing).fits[0] == 0.0
 

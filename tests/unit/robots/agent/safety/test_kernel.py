@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 from robots.agent.safety.clock_sync import SERVER_PEER
-from robots.agent.safety.estop_latch import Latch
+from robots.agent.safety.estop_latch import EStopLatch
 from robots.agent.safety.permissions import Sender
 from robots.agent.safety.ramp import ZERO
 from robots.api import messages as m
@@ -400,7 +400,7 @@ def test_an_estop_latches_with_its_source_until_staff_clears_it(bench):
 
 
 def test_an_estop_that_was_held_when_the_agent_ended_is_held_when_it_begins():
-    bench = Bench(latch=Latch("driver", 0.0))
+    bench = Bench(latch=EStopLatch("driver", 0.0))
     bench.lease()
     bench.know_clock()
     assert bench.drive().reason == "estop"

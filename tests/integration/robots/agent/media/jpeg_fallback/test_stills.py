@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robots.agent.media import MediaSide
-from robots.agent.media.jpeg_fallback.stills import LIMIT, SlowPictures
+from robots.agent.media.jpeg_fallback.stills import LIMIT, JpegFallback
 from robots.agent.robot_interface import Frame
 from robots.api import picture
 from robots.api.messages import PictureRequest
@@ -22,7 +22,7 @@ class Viewer:
     def __init__(self, frames):
         self.arrived, self.frames, self.taken = [], frames, 0
         self.news = threading.Condition()
-        self.pictures = SlowPictures(self.snapshot, self.take, lambda peer: peer == "driver")
+        self.pictures = JpegFallback(self.snapshot, self.take, lambda peer: peer == "driver")
 
     def snapshot(self):
         self.taken += 1

@@ -7,7 +7,7 @@ import pytest
 
 from robots.agent.media.codecs.encoder import Picture
 from robots.agent.media.peers import frame_queue as outbox
-from robots.agent.media.peers.frame_queue import ONCE, PictureOutbox
+from robots.agent.media.peers.frame_queue import ONCE, FrameQueue
 from robots.agent.media.peers.sender_queue import DEPTH
 
 
@@ -16,7 +16,7 @@ class Viewer:
 
     def __init__(self) -> None:
         self.now, self.number, self.asked = 100.0, 0, []
-        self.box = PictureOutbox(self.asked.append, before=lambda _: None, lost=lambda _: None)
+        self.box = FrameQueue(self.asked.append, before=lambda _: None, lost=lambda _: None)
 
     def put(self, *, key: bool = False) -> None:
         self.number += 1

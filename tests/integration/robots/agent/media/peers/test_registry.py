@@ -11,13 +11,13 @@ from robots.agent.media.peers.registry import (
     STAYS_UNVOUCHED,
     Admission,
     HeldCandidates,
-    Roster,
+    PeerRegistry,
 )
 from robots.api.messages import Candidate
 
 
 def test_observers_are_refused_when_the_places_are_taken() -> None:
-    roster = Roster(2)
+    roster = PeerRegistry(2)
     assert roster.admit("a", "observer", 0.0).admitted
     assert roster.admit("b", "observer", 0.0).admitted
     assert not roster.admit("c", "observer", 0.0).admitted
@@ -26,13 +26,13 @@ def test_observers_are_refused_when_the_places_are_taken() -> None:
 
 
 def test_a_second_offer_of_a_connected_peer_needs_no_second_place() -> None:
-    roster = Roster(1)
+    roster = PeerRegistry(1)
     roster.admit("a", "observer", 0.0)
     assert roster.admit("a", "observer", 0.0) == Admission(admitted=True)
 
 
 def test_the_driver_finds_room_and_the_newest_observer_leaves() -> None:
-    roster = Roster(3)
+    roster = PeerRegistry(3)
     for peer, role in (("screen", "screen"), ("o1", "observer"), ("o2", "observer")):
         roster.admit(peer, role, 0.0)
     assert roster.admit("driver", "driver", 0.0) == Admission(admitted=True, leaves="o2")
@@ -43,14 +43,14 @@ def test_the_driver_finds_room_and_the_newest_observer_leaves() -> None:
 
 
 def test_a_robot_without_places_still_takes_its_driver() -> None:
-    roster = Roster(0)
+    roster = PeerRegistry(0)
     assert roster.admit("a", "driver", 0.0).admitted
     roster.lease_changed("a", 0.0)
     assert roster.admit("b", "driver", 0.0) == Admission(admitted=True, leaves="a")
 
 
 def test_the_lease_alone_makes_a_driver() -> None:
-    roster = Roster(4)
+    roster = PeerRegistry(4)
     roster.admit("a", "driver", 0.0)
     roster.admit("b", "observer", 0.0)
     roster.admit("s", "screen", 0.0)
@@ -64,7 +64,7 @@ def test_the_lease_alone_makes_a_driver() -> None:
 
 
 def test_who_has_driven_stays_only_by_an_offer_of_their_own() -> None:
-    roster = Roster(4)
+    roster = PeerRegistry(4)
     roster.admit("a", "driver", 0.0)
     roster.lease_changed("a", 0.0)
     assert roster.unwelcome(1000.0) == {}, "the lease speaks for the driver"
@@ -80,7 +80,7 @@ def test_who_has_driven_stays_only_by_an_offer_of_their_own() -> None:
 
 @pytest.mark.parametrize("role", ["observer", "screen", "driver"])
 def test_who_watches_stays_while_the_server_speaks_for_them(role) -> None:
-    roster = Roster(4)
+    roster = PeerRegistry(4)
     roster.admit("a", role, 0.0)
     for minute in range(1, 60):
         assert roster.unwelcome(60.0 * minute) == {}
@@ -100,7 +100,7 @@ def test_who_watches_stays_while_the_server_speaks_for_them(role) -> None:
     )
 )
 def test_never_more_than_the_limit_and_never_two_drivers(steps: list[tuple[str, str, str]]) -> None:
-    roster, inside = Roster(3), set()
+    roster, inside = PeerRegistry(3), set()
     for what, peer, role in steps:
         if what == "offer":
             admission = roster.admit(peer, role, 0.0)

@@ -1,6 +1,6 @@
 """What was ordered of an RCA, and what becomes of it."""
 
-from robots.agent.adapters.common.pending_actions import Errand, Errands
+from robots.agent.adapters.common.pending_actions import Errands, PendingAction
 from robots.api.docked import DockState
 
 APART, TOUCHING, SEATED = DockState(), DockState(touching=True), DockState(touching=True, docked=True)
@@ -13,9 +13,9 @@ def told():
 
 def test_the_newer_errand_of_the_base_replaces_the_older_and_the_head_is_apart():
     errands, news = told()
-    errands.begin(Errand("g1", "goto", 0.0, (1.0, 1.0)))
-    errands.begin(Errand("t", "tilt", 0.0, (0.2, 0.2)))
-    errands.begin(Errand("d", "dock", 0.0))
+    errands.begin(PendingAction("g1", "goto", 0.0, (1.0, 1.0)))
+    errands.begin(PendingAction("t", "tilt", 0.0, (0.2, 0.2)))
+    errands.begin(PendingAction("d", "dock", 0.0))
     assert news == [("g1", "RUNNING", ""), ("t", "RUNNING", ""), ("g1", "CANCELLED", "replaced"), ("d", "RUNNING", "")]
     assert errands.of("t") is not None
     assert errands.of("g1") is None
@@ -23,12 +23,12 @@ def test_the_newer_errand_of_the_base_replaces_the_older_and_the_head_is_apart()
 
 def test_docking_is_done_in_the_dock_and_undocking_out_of_it():
     errands, news = told()
-    errands.begin(Errand("d", "dock", 0.0))
+    errands.begin(PendingAction("d", "dock", 0.0))
     errands.watch(1.0, dock=APART, tilt=None)
     errands.watch(1.5, dock=TOUCHING, tilt=None)
     assert news == [("d", "RUNNING", "")]
     errands.watch(2.0, dock=SEATED, tilt=None)
-    errands.begin(Errand("u", "undock", 2.0))
+    errands.begin(PendingAction("u", "undock", 2.0))
     errands.watch(3.0, dock=TOUCHING, tilt=None)
     errands.watch(4.0, dock=APART, tilt=None)
     assert news == [("d", "RUNNING", ""), ("d", "FINISHED", ""), ("u", "RUNNING", ""), ("u", "FINISHED", "")]
@@ -36,8 +36,8 @@ def test_docking_is_done_in_the_dock_and_undocking_out_of_it():
 
 def test_what_takes_too_long_fails_with_the_reason():
     errands, news = told()
-    errands.begin(Errand("d", "dock", 0.0, deadline=10.0))
-    errands.begin(Errand("t", "tilt", 0.0, (0.5, 0.5), 5.0))
+    errands.begin(PendingAction("d", "dock", 0.0, deadline=10.0))
+    errands.begin(PendingAction("t", "tilt", 0.0, (0.5, 0.5), 5.0))
     errands.watch(6.0, dock=APART, tilt=0.1)
     errands.watch(11.0, dock=APART, tilt=0.1)
     assert news[2:] == [("t", "FAILED", "the head does not get there"), ("d", "FAILED", "it takes too long")]
@@ -45,7 +45,7 @@ def test_what_takes_too_long_fails_with_the_reason():
 
 def test_a_head_is_there_when_its_angle_is():
     errands, news = told()
-    errands.begin(Errand("t", "tilt", 0.0, (0.5, 0.5), 5.0))
+    errands.begin(PendingAction("t", "tilt", 0.0, (0.5, 0.5), 5.0))
     errands.watch(1.0, dock=APART, tilt=0.4)
     errands.watch(2.0, dock=APART, tilt=0.49)
     assert news[-1] == ("t", "FINISHED", "")
@@ -53,7 +53,7 @@ def test_a_head_is_there_when_its_angle_is():
 
 def test_what_has_ended_ends_once_and_only_what_is_meant():
     errands, news = told()
-    errands.begin(Errand("d", "dock", 0.0))
+    errands.begin(PendingAction("d", "dock", 0.0))
     errands.end_drive("FINISHED", "", "goto")  # an end of navigation is not one of docking
     errands.end("d", "FAILED", "blocked")
     errands.end("d", "FINISHED")
@@ -63,7 +63,7 @@ def test_what_has_ended_ends_once_and_only_what_is_meant():
 
 def test_all_of_it_fails_with_the_architecture():
     errands, news = told()
-    errands.begin(Errand("g", "goto", 0.0, (1.0, 1.0)))
-    errands.begin(Errand("t", "tilt", 0.0, (0.5, 0.5)))
+    errands.begin(PendingAction("g", "goto", 0.0, (1.0, 1.0)))
+    errands.begin(PendingAction("t", "tilt", 0.0, (0.5, 0.5)))
     errands.end_all("the robot was lost")
     assert news[2:] == [("g", "FAILED", "the robot was lost"), ("t", "FAILED", "the robot was lost")]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from robots.agent.media.codecs.encoder import LADDER
-from robots.agent.media.peers.bitrate import Climb
+from robots.agent.media.peers.bitrate import BitrateAdapter
 
 RATES = tuple(tier.bitrate for tier in LADDER)
 BESIDE = 150_000.0  # bit/s of sound and words
@@ -23,7 +23,7 @@ class Network:
     """
 
     capacity: float
-    climb: Climb = field(default_factory=lambda: Climb(RATES, 0.0))
+    climb: BitrateAdapter = field(default_factory=lambda: BitrateAdapter(RATES, 0.0))
     now: float = 0.0
     queue: deque[tuple[float, float]] = field(default_factory=deque)  # (bits, when the picture in them was taken)
     loss: float = 0.0
@@ -163,13 +163,13 @@ def test_on_a_page_whose_picture_is_stuck_nothing_is_tried():
 
 
 def test_without_a_word_from_the_page_nothing_changes():
-    climb = Climb(RATES, 0.0)
+    climb = BitrateAdapter(RATES, 0.0)
     assert all(climb.look(0.1 * step) == 0.0 for step in range(600))
     assert climb.rung == 0
 
 
 def test_where_there_is_one_quality_it_stays():
-    climb = Climb((0,), 0.0)
+    climb = BitrateAdapter((0,), 0.0)
     for n in range(10):
         climb.aged(0.2 * n, 0.1 * n, 1e6)
         climb.lost(0.2 * n, 0.5)

@@ -9,15 +9,15 @@ from robots.agent.navigation.docking.station import NARROW, WIDE, Window, find
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import MODELS, RobotModel
 from robots.api.geometry import Pose2D
-from robots.world.sensing import Beams
+from robots.world.sensing import LaserScan
 from robots.world.sites import load_plan
 
 PLAN, _ = load_plan("office")
 
 
-def sweep(sim: Simulation) -> Beams:
+def sweep(sim: Simulation) -> LaserScan:
     laser = sim.model.laser
-    return Beams(0.0, laser.angle_min, laser.angle_increment, laser.range_max, sim.scan(), Pose2D(laser.x, 0.0, 0.0))
+    return LaserScan(0.0, laser.angle_min, laser.angle_increment, laser.range_max, sim.scan(), Pose2D(laser.x, 0.0, 0.0))
 
 
 def before_dock(model: RobotModel, offset: Pose2D, seed: int = 1) -> tuple[Simulation, Pose2D]:
@@ -55,7 +55,7 @@ def test_a_plain_wall_is_no_station() -> None:
 def test_nothing_is_found_where_nothing_came_back() -> None:
     sim, front = before_dock(MODELS["giraff"], Pose2D(-0.9, 0.0, 0.0))
     seen = sweep(sim)
-    silent = Beams(0.0, seen.angle_min, seen.angle_increment, seen.range_max, np.full(len(seen.ranges), math.nan), seen.mount)
+    silent = LaserScan(0.0, seen.angle_min, seen.angle_increment, seen.range_max, np.full(len(seen.ranges), math.nan), seen.mount)
     assert find(silent, front, PLAN.dock_of("giraff").station, WIDE) is None
 
 
@@ -64,7 +64,7 @@ def test_somebody_who_stands_before_half_of_the_front_hides_it() -> None:
     seen = sweep(sim)
     ranges = seen.ranges.copy()
     ranges[(seen.angles > 0.0) & (seen.angles < 0.4)] = 0.4
-    hidden = Beams(0.0, seen.angle_min, seen.angle_increment, seen.range_max, ranges, seen.mount)
+    hidden = LaserScan(0.0, seen.angle_min, seen.angle_increment, seen.range_max, ranges, seen.mount)
     assert find(hidden, front, PLAN.dock_of("giraff").station, WIDE) is None
 
 

@@ -6,13 +6,13 @@ import numpy as np
 
 from robots.agent.navigation.obstacles.dynamic import HOLD, NEAR, Passers
 from robots.api.geometry import Pose2D
-from robots.world.sensing import Beams
+from robots.world.sensing import LaserScan
 
 HERE = Pose2D(2.0, 1.0, 0.5)
 
 
-def half_round(mount: Pose2D = Pose2D(0.15, 0.0, 0.0)) -> Beams:  # noqa: B008 -- a tuple
-    return Beams(0.0, -math.pi / 2.0, math.pi / 180.0, 10.0, np.full(181, 5.0), mount)
+def half_round(mount: Pose2D = Pose2D(0.15, 0.0, 0.0)) -> LaserScan:  # noqa: B008 -- a tuple
+    return LaserScan(0.0, -math.pi / 2.0, math.pi / 180.0, 10.0, np.full(181, 5.0), mount)
 
 
 def test_who_is_in_sight_is_not_remembered_and_who_has_passed_is() -> None:
@@ -31,7 +31,7 @@ def test_somebody_who_has_passed_is_forgotten_after_a_while_and_who_was_far_off_
 
 
 def test_a_laser_that_sees_all_round_has_no_place_to_hide() -> None:
-    round_about = Beams(0.0, -math.pi, math.tau / 360.0, 10.0, np.full(361, 5.0))
+    round_about = LaserScan(0.0, -math.pi, math.tau / 360.0, 10.0, np.full(361, 5.0))
     passers = Passers()
     passers.take(0.0, HERE, np.array([[-0.5, 0.1], [-0.5, -0.1]]))
     assert len(passers.out_of_sight(0.1, HERE, round_about)) == 0

@@ -11,23 +11,23 @@ from robots.agent.navigation.planning.costmap import CostMap
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import GIRAFF
 from robots.api.geometry import Pose2D
-from robots.world.sensing import Beams
+from robots.world.sensing import LaserScan
 from robots.world.sites import load_site
 
 SITE = load_site("office")
 BEFORE_DOOR = "2.0,3.6,-1.5708"
 
 
-def sweep(sim: Simulation, stamp: float = 0.0) -> Beams:
+def sweep(sim: Simulation, stamp: float = 0.0) -> LaserScan:
     laser = sim.model.laser
-    return Beams(stamp, laser.angle_min, laser.angle_increment, laser.range_max, sim.scan(), Pose2D(laser.x, 0.0, 0.0))
+    return LaserScan(stamp, laser.angle_min, laser.angle_increment, laser.range_max, sim.scan(), Pose2D(laser.x, 0.0, 0.0))
 
 
-def with_thing(beams: Beams, bearing: float, distance: float) -> Beams:
+def with_thing(beams: LaserScan, bearing: float, distance: float) -> LaserScan:
     """A sweep in which something of 20 cm stands at a distance from the laser."""
     ranges = beams.ranges.copy()
     ranges[np.abs(beams.angles - bearing) <= 0.1 / distance] = distance
-    return Beams(beams.stamp, beams.angle_min, beams.angle_increment, beams.range_max, ranges, beams.mount)
+    return LaserScan(beams.stamp, beams.angle_min, beams.angle_increment, beams.range_max, ranges, beams.mount)
 
 
 def giraff(start: str = "lab-centre", **doors: str) -> tuple[Simulation, Surroundings]:
@@ -122,7 +122,7 @@ def test_a_sweep_in_which_nothing_came_back_clears_nothing() -> None:
     sim, surroundings = giraff()
     surroundings.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0), 0.0)
     seen = sweep(sim, 0.1)
-    blind = Beams(0.1, seen.angle_min, seen.angle_increment, seen.range_max, np.full(len(seen.ranges), math.nan), seen.mount)
+    blind = LaserScan(0.1, seen.angle_min, seen.angle_increment, seen.range_max, np.full(len(seen.ranges), math.nan), seen.mount)
     surroundings.look(sim.pose, blind, 0.1)
     assert thing_at(surroundings, sim.pose, 1.0, 0.1)
 

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robots.agent.navigation.obstacles.memory import MemorySettings, ObstacleMemory, compare, into, out_of
+from robots.agent.navigation.obstacles.memory import MemorySettings, RollingObstacleMap, compare, into, out_of
 from robots.api.geometry import Pose2D
 from robots.world.raycaster import cast
-from robots.world.sensing import Beams
+from robots.world.sensing import LaserScan
 
 HALF_CIRCLE = np.linspace(-math.pi / 2, math.pi / 2, 181)
 MOUNT = Pose2D(0.15, 0.0, 0.0)
@@ -18,23 +18,23 @@ ROOM = np.array([[-2.0, -1.5, 2.0, -1.5], [2.0, -1.5, 2.0, 1.5], [2.0, 1.5, -2.0
 BOX = np.array([[1.0, -0.2, 1.0, 0.2], [1.0, 0.2, 1.2, 0.2], [1.2, 0.2, 1.2, -0.2], [1.2, -0.2, 1.0, -0.2]])
 
 
-def look(pose: Pose2D, segments: np.ndarray = ROOM, stamp: float = 0.0) -> Beams:
+def look(pose: Pose2D, segments: np.ndarray = ROOM, stamp: float = 0.0) -> LaserScan:
     eye = pose.compose(MOUNT)
     ranges, _ = cast(segments, eye.x, eye.y, HALF_CIRCLE + eye.theta)
-    return Beams(stamp, -math.pi / 2, math.radians(1.0), 10.0, ranges, MOUNT)
+    return LaserScan(stamp, -math.pi / 2, math.radians(1.0), 10.0, ranges, MOUNT)
 
 
-def with_ranges(ranges: np.ndarray, stamp: float = 0.0) -> Beams:
-    return Beams(stamp, -math.pi / 2, math.radians(1.0), 10.0, ranges, MOUNT)
+def with_ranges(ranges: np.ndarray, stamp: float = 0.0) -> LaserScan:
+    return LaserScan(stamp, -math.pi / 2, math.radians(1.0), 10.0, ranges, MOUNT)
 
 
-def nearest_to(memory: ObstacleMemory, odometry: Pose2D, x: float, y: float) -> float:
+def nearest_to(memory: RollingObstacleMap, odometry: Pose2D, x: float, y: float) -> float:
     points = memory.near(odometry, 4.0)
     return float(np.hypot(points[:, 0] - x, points[:, 1] - y).min())
 
 
 def test_what_was_ahead_is_remembered_behind_a_robot_that_has_turned_round():
-    memory = ObstacleMemory()
+    memory = RollingObstacleMap()
     for step in range(0, 181, 5):
         pose = Pose2D(0.0, 0.0, math.radians(step))
         memory.update(pose, look(pose))
@@ -44,7 +44,7 @@ def test_what_was_ahead_is_remembered_behind_a_robot_that_has_turned_round():
 @pytest.mark.parametrize("step", [0.1, 0.3, -0.3, 0.45, -0.45, 0.9])
 def test_what_went_out_of_sight_slowly_is_remembered_as_well(step):
     """The last beam, a degree from its neighbour, must not take away what is half a degree beyond it."""
-    memory, turned = ObstacleMemory(), 0.0
+    memory, turned = RollingObstacleMap(), 0.0
     while abs(turned) < 90.0:
         pose = Pose2D(0.0, 0.0, math.radians(turned))
         memory.update(pose, look(pose))
@@ -57,7 +57,7 @@ def test_what_went_out_of_sight_slowly_is_remembered_as_well(step):
 
 
 def test_what_the_laser_sees_is_where_it_is_and_what_is_behind_it_may_be_off_by_some():
-    memory = ObstacleMemory()
+    memory = RollingObstacleMap()
     for step in range(0, 181, 5):
         pose = Pose2D(0.0, 0.0, math.radians(step))
         memory.update(pose, look(pose))
@@ -68,7 +68,7 @@ def test_what_the_laser_sees_is_where_it_is_and_what_is_behind_it_may_be_off_by_
 
 
 def test_time_alone_forgets_nothing():
-    memory = ObstacleMemory()
+    memory = RollingObstacleMap()
     memory.update(START, look(START, stamp=0.0))
     turned = Pose2D(0.0, 0.0, math.pi)
     for minute in range(60):
@@ -77,7 +77,7 @@ def test_time_alone_forgets_nothing():
 
 
 def test_what_was_seen_long_ago_by_the_way_driven_is_forgotten():
-    memory = ObstacleMemory(MemorySettings(way=1.0))
+    memory = RollingObstacleMap(MemorySettings(way=1.0))
     memory.update(START, look(START))
     for step in range(1, 30):
         pose = Pose2D(-0.05 * step, 0.0, math.pi)
@@ -86,7 +86,7 @@ def test_what_was_seen_long_ago_by_the_way_driven_is_forgotten():
 
 
 def test_what_stands_close_behind_is_not_forgotten_by_who_goes_to_and_fro():
-    memory = ObstacleMemory(MemorySettings(way=1.0))
+    memory = RollingObstacleMap(MemorySettings(way=1.0))
     memory.update(START, look(START, np.vstack([ROOM, BOX])))
     for step in range(60):
         pose = Pose2D(0.05 * (step % 2), 0.0, math.pi)
@@ -96,7 +96,7 @@ def test_what_stands_close_behind_is_not_forgotten_by_who_goes_to_and_fro():
 
 
 def test_what_has_gone_away_is_seen_through_by_the_second_sweep():
-    memory = ObstacleMemory()
+    memory = RollingObstacleMap()
     memory.update(START, look(START, np.vstack([ROOM, BOX])))
     memory.update(START, look(START))
     assert nearest_to(memory, START, 1.0, 0.0) < 0.05
@@ -105,7 +105,7 @@ def test_what_has_gone_away_is_seen_through_by_the_second_sweep():
 
 
 def test_a_lost_echo_takes_nothing_away():
-    memory = ObstacleMemory()
+    memory = RollingObstacleMap()
     full = look(START, np.vstack([ROOM, BOX]))
     memory.update(START, full)
     for lost in (88, 90, 92):
@@ -117,7 +117,7 @@ def test_a_lost_echo_takes_nothing_away():
 
 
 def test_no_echo_from_many_neighbours_is_free_space_except_where_the_laser_is_blind():
-    memory = ObstacleMemory()
+    memory = RollingObstacleMap()
     ranges = np.full(181, 2.0)
     ranges[80:101] = 1.0
     ranges[:20] = 0.2
@@ -131,18 +131,18 @@ def test_no_echo_from_many_neighbours_is_free_space_except_where_the_laser_is_bl
 
 
 def test_a_covered_laser_neither_sees_nor_takes_anything_away():
-    memory = ObstacleMemory()
+    memory = RollingObstacleMap()
     memory.update(START, look(START, stamp=5.0))
     count = len(memory)
     for ranges in (np.full(181, np.nan), np.full(181, np.inf), np.full(181, -1.0), np.zeros(0)):
         memory.update(START, with_ranges(ranges, stamp=6.0))
     assert memory.seen == 5.0
     assert len(memory) == count
-    assert ObstacleMemory().seen == -math.inf
+    assert RollingObstacleMap().seen == -math.inf
 
 
 def test_an_odometry_that_jumped_began_anew():
-    memory = ObstacleMemory()
+    memory = RollingObstacleMap()
     memory.update(START, look(START))
     there = Pose2D(50.0, 0.0, 0.0)
     memory.update(there, look(START))
@@ -151,7 +151,7 @@ def test_an_odometry_that_jumped_began_anew():
 
 
 def test_a_robot_that_stands_for_long_keeps_no_more_than_one_sweep():
-    memory = ObstacleMemory()
+    memory = RollingObstacleMap()
     rng = np.random.default_rng(3)
     clean = look(START).ranges
     for _ in range(300):
@@ -162,7 +162,7 @@ def test_a_robot_that_stands_for_long_keeps_no_more_than_one_sweep():
 def test_a_clockwise_laser_is_compared_with_its_own_beams():
     points = np.array([[1.15, 0.5], [1.15, -0.5]])
     ranges = np.where(np.arange(181) < 90, 3.0, np.hypot(1.0, 0.5))  # sees through to the left, where its beams begin
-    beams = Beams(0.0, math.pi / 2, math.radians(-1.0), 10.0, ranges, MOUNT)
+    beams = LaserScan(0.0, math.pi / 2, math.radians(-1.0), 10.0, ranges, MOUNT)
     again, through = compare(points, beams, MemorySettings())
     assert again.tolist() == [False, True]
     assert through.tolist() == [True, False]
@@ -183,7 +183,7 @@ def test_into_a_frame_and_out_of_it_are_inverse(frame, points):
 @given(st.floats(-1.0, 1.0), st.floats(-0.8, 0.8), st.floats(-3, 3), st.integers(0, 1000))
 def test_every_wall_seen_on_a_drive_is_known_where_it_stands(x, y, heading, seed):
     rng = np.random.default_rng(seed)
-    memory = ObstacleMemory()
+    memory = RollingObstacleMap()
     pose = Pose2D(x, y, heading)
     for _ in range(20):
         memory.update(pose, look(pose))
@@ -198,7 +198,7 @@ def test_every_wall_seen_on_a_drive_is_known_where_it_stands(x, y, heading, seed
     assert all(np.hypot(*(known - point).T).min() < 0.06 for point in seen)
 
 
-def turned_away(memory: ObstacleMemory, segments: np.ndarray, far: int = 180) -> Pose2D:
+def turned_away(memory: RollingObstacleMap, segments: np.ndarray, far: int = 180) -> Pose2D:
     """Look at things, turn left until they are behind the robot, and return the pose."""
     for step in range(0, far + 1, 5):
         pose = Pose2D(0.0, 0.0, math.radians(step))
@@ -207,7 +207,7 @@ def turned_away(memory: ObstacleMemory, segments: np.ndarray, far: int = 180) ->
 
 
 def test_behind_an_edge_that_went_out_of_sight_a_thing_is_taken_to_go_on():
-    memory = ObstacleMemory()
+    memory = RollingObstacleMap()
     near = np.vstack([ROOM, BOX - (0.4, 0.0, 0.4, 0.0)])
     away = turned_away(memory, near)
     seen, (points, errors) = memory.near(away, 4.0), memory.about(away, 4.0)
@@ -222,7 +222,7 @@ def test_behind_an_edge_that_went_out_of_sight_a_thing_is_taken_to_go_on():
 
 
 def test_what_an_edge_may_hide_counts_neither_in_sight_nor_when_it_was_looked_at_again():
-    memory = ObstacleMemory()
+    memory = RollingObstacleMap()
     near = np.vstack([ROOM, BOX - (0.4, 0.0, 0.4, 0.0)])
     memory.update(START, look(START, near))
     memory.update(START, look(START, near))
@@ -233,7 +233,7 @@ def test_what_an_edge_may_hide_counts_neither_in_sight_nor_when_it_was_looked_at
 
 
 def test_a_robot_that_stands_gathers_nothing_behind_edges_however_long():
-    memory, near = ObstacleMemory(), np.vstack([ROOM, BOX - (0.4, 0.0, 0.4, 0.0)])
+    memory, near = RollingObstacleMap(), np.vstack([ROOM, BOX - (0.4, 0.0, 0.4, 0.0)])
     away = turned_away(memory, near, far=90)
     known = len(memory.about(away, 4.0)[0])
     for _ in range(100):
@@ -242,7 +242,7 @@ def test_a_robot_that_stands_gathers_nothing_behind_edges_however_long():
 
 
 def test_what_an_edge_may_hide_is_forgotten_with_all_the_rest():
-    memory = ObstacleMemory()
+    memory = RollingObstacleMap()
     away = turned_away(memory, np.vstack([ROOM, BOX - (0.4, 0.0, 0.4, 0.0)]))
     memory.forget()
     assert len(memory.about(away, 4.0)[0]) == 0
@@ -253,7 +253,7 @@ def test_what_an_edge_may_hide_is_forgotten_with_all_the_rest():
 def test_the_hidden_flank_of_a_round_thing_is_never_nearer_than_what_is_kept_of_it(distance: float, radius: float, aside: float):
     turns = np.linspace(0.0, 2.0 * math.pi, 49)
     circle = np.column_stack([distance + radius + radius * np.cos(turns), aside + radius * np.sin(turns)])
-    memory = ObstacleMemory()
+    memory = RollingObstacleMap()
     away = turned_away(memory, np.vstack([ROOM, np.hstack([circle[:-1], circle[1:]])]))
     kept = out_of(away, memory.about(away, 2.0)[0])
     flank = circle[np.hypot(circle[:, 0], circle[:, 1]) < np.hypot(circle[:, 0], circle[:, 1]).min() + 0.06]

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from robots.agent.simulator.physics.pedestrians import APART, Crowd
+from robots.agent.simulator.physics.pedestrians import APART, Pedestrians
 from robots.agent.simulator.physics.people import BODY, Person, legs, solid
 from robots.agent.simulator.physics.walkways import SHOULDERS, Footways
 from robots.api.geometry import Pose2D
@@ -20,11 +20,11 @@ FOOTPRINT = np.array([(0.3, -0.3), (0.3, 0.3), (-0.3, 0.3), (-0.3, -0.3)])
 AWAY = Pose2D(100.0, 100.0, 0.0)
 
 
-def crowd(count: int = 3, seed: int = 1, doors: dict = OPEN) -> Crowd:
-    return Crowd(PLAN, count, doors, (0.5, 6.3), np.random.default_rng(seed))
+def crowd(count: int = 3, seed: int = 1, doors: dict = OPEN) -> Pedestrians:
+    return Pedestrians(PLAN, count, doors, (0.5, 6.3), np.random.default_rng(seed))
 
 
-def walk(people: Crowd, seconds: float, doors: dict = OPEN, robot: Pose2D = AWAY) -> list[tuple[Person, ...]]:
+def walk(people: Pedestrians, seconds: float, doors: dict = OPEN, robot: Pose2D = AWAY) -> list[tuple[Person, ...]]:
     seen = []
     for step in range(round(seconds / 0.02)):
         people.step(0.02, doors, FOOTPRINT, robot)
@@ -69,7 +69,7 @@ def test_nobody_walks_through_walls_furniture_leaves_or_each_other(seed: int) ->
 def test_nobody_gets_stuck_for_long(site: str) -> None:
     plan, _ = load_plan(site)
     doors = {door.name: "open" for door in plan.doors}
-    people = Crowd(plan, 3, doors, (0.5, 6.3), np.random.default_rng(6))
+    people = Pedestrians(plan, 3, doors, (0.5, 6.3), np.random.default_rng(6))
     still, before = np.zeros(3), people.people
     for _ in range(300):
         for _ in range(50):
