@@ -5,7 +5,7 @@ from typing import Protocol
 
 from robots.bridge.known import KnownRobot
 from sessions.consumers.authorization import Authorization
-from sessions.protocol import Authorization as RoomFrame
+from sessions.protocol import Room as RoomFrame
 
 
 class Member(Protocol):
