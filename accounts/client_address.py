@@ -3,7 +3,7 @@
 import ipaddress
 from collections.abc import Iterable
 
-HOUSEHOLD = 64  # bits of an IPv6 address: whoever has one has all that begin so
+NETWORK_PREFIX = 64  # bits of an IPv6 address: whoever has one has all that begin so
 
 
 def visitor_address(forwarded: str, address: str, trusted_proxies: Iterable[str]) -> str:
@@ -39,4 +39,4 @@ def counted(address: str) -> str:
     found = parsed(address)
     if found is None:
         return address
-    return str(found) if found.version == 4 else str(ipaddress.ip_network((found, HOUSEHOLD), strict=False))  # noqa: PLR2004 -- IP version
+    return str(found) if found.version == 4 else str(ipaddress.ip_network((found, NETWORK_PREFIX), strict=False))  # noqa: PLR2004 -- IP version

@@ -27,13 +27,13 @@ WARM_UP = 3.0
 PLACES = ("corridor-east", "laboratory")
 
 
-class MindThread:
+class NodeThread:
     """A mind beside the control loop in the same process: what MindProcess is measured against."""
 
     def __init__(self, adapter: AutonomyAdapter) -> None:
         self.ready, self.problem = False, ""
-        self._process = adapter.mind
-        self._spoken: queue.Queue[wire.Word | None] = queue.Queue()
+        self._process = adapter.node
+        self._spoken: queue.Queue[wire.NodeMessage | None] = queue.Queue()
         self._order: asyncio.Future[str] | None = None
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -53,7 +53,7 @@ class MindThread:
         """A thread cannot be given up, which is one more thing against it."""
         print("stuck:", why)
 
-    def say(self, message: wire.Word) -> bool:
+    def say(self, message: wire.NodeMessage) -> bool:
         """Hand a message to the thread."""
         self._spoken.put(message)
         return True
@@ -61,7 +61,7 @@ class MindThread:
     async def order(self, action: Any) -> None:
         """Give an order."""
         self._order = self._loop.create_future()
-        self._spoken.put(wire.Order(0, action))
+        self._spoken.put(wire.BeginAction(0, action))
         await self._order
 
     async def close(self) -> None:
@@ -77,10 +77,10 @@ class MindThread:
                 words.append(more)
             conversation.take(words)
 
-    def _answer(self, word: wire.Word) -> None:
+    def _answer(self, word: wire.NodeMessage) -> None:
         match word:
-            case wire.Thinks(thought):
-                self._process._thought(thought)
+            case wire.Thinks(output):
+                self._process._output(output)
             case wire.Settled():
                 self.ready = True
                 self._process._settled()
@@ -114,7 +114,7 @@ def _wrapped() -> Adapter:
 def _threaded() -> Adapter:
     adapter = _wrapped()
     assert isinstance(adapter, AutonomyAdapter)
-    adapter.mind = MindThread(adapter)  # type: ignore[assignment]
+    adapter.node = NodeThread(adapter)  # type: ignore[assignment]
     return adapter
 
 

@@ -21,7 +21,7 @@ from benchmarks.traffic import verdicts
 from benchmarks.traffic.bases import Bases
 from benchmarks.traffic.places import Place, running_place
 from benchmarks.traffic.worker import Hands
-from tests.support.lateness import watched
+from tests.support.host_jitter import watched
 from tests.support.patience import patient
 from tests.support.site import wait_for
 
@@ -101,7 +101,7 @@ def main() -> int:
     with (
         tempfile.TemporaryDirectory(prefix="telepresence-crashes-") as folder,
         Bases() as bases,
-        watched() as lateness,
+        watched() as jitter,
         running_place(PLACE, Path(folder)) as place,
         Hands("benchmarks.traffic.robots") as robots,
         Hands("benchmarks.traffic.visitors") as visitors,
@@ -113,7 +113,7 @@ def main() -> int:
         everybody_leaves(place, robots, visitors)
         drives, record, known = place.sessions(), place.record(), robots.ask("record")
         grants = [(grant["robot"], grant["epoch"], grant["session"]) for grant in known["grants"]]
-        late, moves = lateness.excuse(began, time.time()), {name: spans for name, spans in bases.moves().items() if spans}
+        late, moves = jitter.excuse(began, time.time()), {name: spans for name, spans in bases.moves().items() if spans}
         wrong = {
             "states lost": verdicts.lost(known["states"], record.states, record.missing),
             "two drivers at once": [*verdicts.two_at_once(drives), *verdicts.shared_epochs(record.states, grants)],

@@ -1,6 +1,6 @@
 """Every controller drives the whole office in a real browser: out of the dock, through both doors to the far end, and back.
 
-Whoever drives sees what the page shows and nothing else (tests/support/tourist.py). Printed for each controller: seconds, metres, contacts
+Whoever drives sees what the page shows and nothing else (tests/support/scripted_visitor.py). Printed for each controller: seconds, metres, contacts
 with walls, furniture and doors, and how often they pressed on the picture, and at its sides to turn. `keyboard mouse` does
 these two alone. It takes some minutes, at the robot's own pace; nothing in it is a bound but that nobody touches anything.
 """
@@ -38,8 +38,8 @@ def on_picture(hand: Callable[[Page], Any]) -> Callable[[Any, Any], float]:
 
 def controllers() -> dict[str, tuple[dict[str, Any], Callable[[Any, Any], float]]]:
     """Return each controller's kind of screen, and how one tours with it."""
-    from tests.support.newcomer import Keys
-    from tests.support.tourist import Mouse, Pad, Thumb, Touch
+    from tests.support.first_time_user import Keys
+    from tests.support.scripted_visitor import Mouse, Pad, Thumb, Touch
 
     def fingers(page: Page) -> Touch:
         return Touch(page.context.new_cdp_session(page))
@@ -59,7 +59,7 @@ def tour(browser: Browser, name: str) -> list[Figure]:
     from tests.support.fake_robot_page import FakeRobotPage
     from tests.support.patience import patient
     from tests.support.scene_source import SceneSource
-    from tests.support.tourist import Tour
+    from tests.support.scripted_visitor import Tour
 
     screen, go = controllers()[name]
     plan, _ = load_plan("office")

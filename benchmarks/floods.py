@@ -56,7 +56,7 @@ class Sample:
     """Seconds that messages took, and that newcomers waited to be let in."""
 
     delays: list[float] = field(default_factory=list)
-    newcomers: list[float] = field(default_factory=list)
+    first_time_users: list[float] = field(default_factory=list)
     lost: int = 0
 
 
@@ -125,7 +125,7 @@ class Place:
         await asyncio.gather(coming, return_exceptions=True)
         sample.delays = [delay for _, delay in robot.arrived + server.arrived]
         sample.lost = sent - len(sample.delays)
-        sample.newcomers = sample.newcomers or [LATEST_SECONDS]
+        sample.first_time_users = sample.first_time_users or [LATEST_SECONDS]
         for client in (robot, server):
             client.line.leave()
         return sample
@@ -134,12 +134,12 @@ class Place:
         while True:
             began = time.perf_counter()
             try:
-                newcomer = await self.enter(f"newcomer-{len(sample.newcomers)}", HONEST, [(topics.of(HONEST, "config"), 1)])
-                newcomer.line.leave()
+                first_time_user = await self.enter(f"newcomer-{len(sample.first_time_users)}", HONEST, [(topics.of(HONEST, "config"), 1)])
+                first_time_user.line.leave()
             except (OSError, TimeoutError):
-                sample.newcomers.append(LATEST_SECONDS)
+                sample.first_time_users.append(LATEST_SECONDS)
                 continue
-            sample.newcomers.append(time.perf_counter() - began)
+            sample.first_time_users.append(time.perf_counter() - began)
             await asyncio.sleep(NEWCOMER_SECONDS)
 
     @contextmanager
@@ -211,12 +211,12 @@ def compare(place: Place, flood: str, connections: int) -> tuple[list[Figure], d
         grown, logged = shares.megabytes(place.process.pid) - before, (place.log.seek(0, os.SEEK_END) - logged) / 1024
     what = f"{flood}, {connections}" + (", TLS" if place.ca else "")
     cells = [f"{1000 * float(np.percentile(s.delays, q)):8.2f}" for s in (peace, war) for q in (50, 99, 100)]
-    come = [f"{1000 * max(s.newcomers):7.0f}" for s in (peace, war)]
+    come = [f"{1000 * max(s.first_time_users):7.0f}" for s in (peace, war)]
     print(f"{what:24} {' '.join(cells)}   {' '.join(come)}  {war.lost:5d}  {share:5.2f}  {grown:6.1f}  {logged:6.1f}", flush=True)
     bound = KEY_BOUND_MS if flood in KEY_FLOODS else STRANGER_BOUND_MS
     figures = [
         Figure(f"{what}: p99 of delays, more than in peace", max(0.0, p99(war.delays) - p99(peace.delays)), "ms", bound),
-        Figure(f"{what}: newcomers, the slowest", 1000 * max(war.newcomers), "ms", NEWCOMER_BOUND_MS),
+        Figure(f"{what}: newcomers, the slowest", 1000 * max(war.first_time_users), "ms", NEWCOMER_BOUND_MS),
         Figure(f"{what}: messages lost", war.lost, "", 0),
         Figure(f"{what}: memory grown", grown, "MB", MEMORY_BOUND_MB),
         Figure(f"{what}: logged", logged, "kB", LOG_BOUND_KB),

@@ -80,7 +80,7 @@ def quantiles(seconds: list[float]) -> dict[str, float]:
     return {"p50": float(np.percentile(values, 50)), "p99": float(np.percentile(values, 99)), "max": float(values.max())}
 
 
-def climb(place: Place, robots: Hands, visitors: Hands) -> list[Step]:
+def adapter(place: Place, robots: Hands, visitors: Hands) -> list[Step]:
     """Add sessions step by step, until a step breaks; return what was seen."""
     steps: list[Step] = []
     for sessions in STEPS:
@@ -177,7 +177,7 @@ def run(kind: str) -> dict[str, Any]:
         Hands("benchmarks.traffic.robots") as robots,
         Hands("benchmarks.traffic.visitors") as visitors,
     ):
-        steps = climb(place, robots, visitors)
+        steps = adapter(place, robots, visitors)
         sent, lost = lost_at_the_end(place, robots, visitors)
     carried = max((step.sessions for step in steps if not step.breaks), default=0)
     last = steps[-1]

@@ -85,7 +85,7 @@ def main() -> int:
         anna.close()
         site.stop("giraff")
         site.stop("giraff-simulator")
-        rungs = [line.split()[0] + " " + line.split()[-1] for line in site.log("giraff").splitlines() if "picture_quality" in line]
+        layers = [line.split()[0] + " " + line.split()[-1] for line in site.log("giraff").splitlines() if "picture_quality" in line]
     old = [1000.0 * c["frameAge"] for s in states for c in s.get("applied", []) if c.get("frameAge") is not None]
     settled = [moment for moment in seen if narrow + 3.0 <= moment < wide]
     figures = [
@@ -94,7 +94,7 @@ def main() -> int:
         *quantiles("400 kbit/s: age of the picture", old or [float("inf")], "ms", {"p50": None, "p95": 250.0, "max": None}),
         Figure("wide again: 24 pictures a second after", rate_until(seen, wide, 24), "s", 10.0),
     ]
-    return keep("narrow", figures, rungs=rungs)
+    return keep("narrow", figures, layers=layers)
 
 
 if __name__ == "__main__":

@@ -62,8 +62,8 @@ class Watch:
     def __init__(self, rig: ThreadedControlRig) -> None:
         self.ticks: list[float] = []
         self.obeyed: dict[str, float] = {}
-        pilot = rig.control._pilot
-        pilot.tick = self._noting(pilot.tick, self.ticks.append)
+        dispatcher = rig.control._dispatcher
+        dispatcher.tick = self._noting(dispatcher.tick, self.ticks.append)
         stop = rig.kernel.stop
 
         def obey(action: m.Stop, *arguments: Any, **options: Any) -> bool:

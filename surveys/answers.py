@@ -13,7 +13,7 @@ from typing import Any
 from django.utils.translation import gettext as _
 
 from surveys.conditions import Circumstances, shown_keys
-from surveys.definition import Date, Definition, Grid, Likert, Multiple, Number, Question, Single, Slider, Words
+from surveys.definition import Date, Definition, Grid, Likert, Multiple, Number, Question, Single, Slider, TextItem
 
 REASON_MARK = "~"
 MAX_DIGITS = 30
@@ -61,8 +61,8 @@ def read_answer(question: Question, fields: Mapping[str, Sequence[str]], now: da
     """
     values = [value.replace("\r\n", "\n").replace("\x00", "").strip() for value in fields.get(question.key, ())]
     reasons = [value for value in fields.get(question.key + REASON_MARK, ()) if value]
-    reasons += [value[1:] for value in values if value.startswith(REASON_MARK) and not isinstance(question.item, Words)]
-    values = [value for value in values if value and (isinstance(question.item, Words) or not value.startswith(REASON_MARK))]
+    reasons += [value[1:] for value in values if value.startswith(REASON_MARK) and not isinstance(question.item, TextItem)]
+    values = [value for value in values if value and (isinstance(question.item, TextItem) or not value.startswith(REASON_MARK))]
     if reasons:
         return _declined(question, values, reasons)
     if not values:
@@ -95,7 +95,7 @@ def _value(question: Question, values: list[str], now: datetime.datetime) -> Any
         return _one_of({option.value: option.value for option in item.options}, values[0])
     if isinstance(item, Multiple):
         return _several(item, values)
-    if isinstance(item, Words):
+    if isinstance(item, TextItem):
         return _words(item, values[0])
     if isinstance(item, Date):
         return _day(item, values[0], now)
@@ -121,7 +121,7 @@ def _several(item: Multiple, values: list[str]) -> list[str]:
     return [option.value for option in chosen]
 
 
-def _words(item: Words, value: str) -> str:
+def _words(item: TextItem, value: str) -> str:
     if len(value) > item.max_length:
         raise RefusedError(_("Please write at most %(n)d characters.") % {"n": item.max_length})
     return value

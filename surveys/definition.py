@@ -120,7 +120,7 @@ class Number(Item, frozen=True, kw_only=True, tag_field="kind", tag="number"):
     unit: Text = {}
 
 
-class Words(Item, frozen=True, kw_only=True, tag_field="kind", tag="text"):
+class TextItem(Item, frozen=True, kw_only=True, tag_field="kind", tag="text"):
     """Free text."""
 
     kind: ClassVar[str] = "text"
@@ -147,7 +147,7 @@ class Slider(Item, frozen=True, kw_only=True, tag_field="kind", tag="slider"):
     high: Text
 
 
-AnyItem = Likert | Grid | Single | Multiple | Number | Words | Date | Slider
+AnyItem = Likert | Grid | Single | Multiple | Number | TextItem | Date | Slider
 
 
 class Page(Part, frozen=True, kw_only=True):

@@ -22,7 +22,7 @@ from surveys.definition import (
     Question,
     Single,
     Slider,
-    Words,
+    TextItem,
     spoken,
 )
 from surveys.layout import items_of, options_of, rows_of
@@ -220,7 +220,7 @@ def _control(question: Question, shown: bool, condition: str, reader: Reader) ->
         is_shown=shown,
         choices=_choices(question, chosen, reader),
         reasons=_reasons(item, reader.stored.get(question.key), reader.sent.get(question.key + REASON_MARK, ())),
-        value=chosen[0] if chosen and isinstance(item, Number | Words | Date | Slider) else "",
+        value=chosen[0] if chosen and isinstance(item, Number | TextItem | Date | Slider) else "",
         attributes=_attributes(item, reader),
         low=spoken(item.low, reader.language) if isinstance(item, Slider) else "",
         high=spoken(item.high, reader.language) if isinstance(item, Slider) else "",
@@ -274,4 +274,4 @@ def _attributes(item: Item, reader: Reader) -> dict[str, Any]:
     if isinstance(item, Date):
         days = dict(zip(("min", "max"), days_between(item, reader.now), strict=True))
         return {name: day.isoformat() for name, day in days.items() if day is not None}
-    return {"maxlength": str(item.max_length), "rows": str(item.lines)} if isinstance(item, Words) else {}
+    return {"maxlength": str(item.max_length), "rows": str(item.lines)} if isinstance(item, TextItem) else {}

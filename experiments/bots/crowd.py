@@ -34,7 +34,7 @@ class Plan:
 
 
 @dataclass
-class Crowd:
+class BotGroup:
     """A run of many bots. `told` hears of each one's diary as it ends."""
 
     plan: Plan

@@ -11,7 +11,7 @@ from typing import Any
 
 from experiments.bots.steering import STAND, Speed, follow, into, rest_of, turn_to
 from experiments.bots.view import View
-from experiments.bots.ways import NoWayError, Ways
+from experiments.bots.ways import NoRouteError, RouteGrid
 from robots.api.floorplan import Door, FloorPlan
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Point
@@ -72,7 +72,7 @@ class Driver:
     practises: bool = False
     docks_early: bool = False  # drives into the station again before anything else
     closed: set[str] = field(default_factory=set)
-    _ways: Ways | None = None
+    _ways: RouteGrid | None = None
     _way: list[Point] = field(default_factory=list)
     _goal: Point | None = None
     _planned_at: float = -math.inf
@@ -127,11 +127,11 @@ class Driver:
 
     def _way_to(self, pose: Pose2D, goal: Point, now: float) -> Sequence[Point]:
         if self._ways is None or self._ways.closed != self.closed:
-            self._ways, self._goal = Ways(self.plan, self.closed), None
+            self._ways, self._goal = RouteGrid(self.plan, self.closed), None
         if goal != self._goal or now - self._planned_at > REPLAN_SECONDS:
             try:
                 self._way, self.no_way = self._ways.way((pose.x, pose.y), goal), ""
-            except NoWayError as error:
+            except NoRouteError as error:
                 self._way, self.no_way = [], str(error)
                 self.closed.clear()  # at least one of them must be open, or have been opened
             self._goal, self._planned_at = goal, now

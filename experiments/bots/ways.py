@@ -1,4 +1,4 @@
-"""Ways over a floor plan, from what a page is given of it: walls, doors, furniture. Short ones that keep off everything.
+"""RouteGrid over a floor plan, from what a page is given of it: walls, doors, furniture. Short ones that keep off everything.
 
 A raster of the floor, the distance of each cell to the nearest thing, and Dijkstra's way through what is left, dearer near things.
 """
@@ -27,7 +27,7 @@ STEPS = ((0, 1, 1.0), (1, 0, 1.0), (1, 1, math.sqrt(2.0)), (1, -1, math.sqrt(2.0
 Cells = npt.NDArray[np.float64]
 
 
-class NoWayError(Exception):
+class NoRouteError(Exception):
     """No way leads there."""
 
 
@@ -42,8 +42,8 @@ class _Raster:
         return np.meshgrid(self.x + (np.arange(self.columns) + 0.5) * CELL, self.y + (np.arange(self.rows) + 0.5) * CELL)
 
 
-class Ways:
-    """Ways between points of one plan.
+class RouteGrid:
+    """RouteGrid between points of one plan.
 
     Args:
         plan: the site.
@@ -66,7 +66,7 @@ class Ways:
             found = self._way(start, goal, clearance)
             if found is not None:
                 return [*found[:-1], goal] if len(found) > 1 else [goal]
-        raise NoWayError(f"no way from {start[0]:.1f}, {start[1]:.1f} to {goal[0]:.1f}, {goal[1]:.1f}")
+        raise NoRouteError(f"no way from {start[0]:.1f}, {start[1]:.1f} to {goal[0]:.1f}, {goal[1]:.1f}")
 
     def _way(self, start: Point, goal: Point, clearance: float) -> list[Point] | None:
         free = self._room > clearance

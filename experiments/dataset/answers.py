@@ -11,7 +11,7 @@ from experiments.definition.schema import Form, Questionnaire
 from experiments.models import Participant, Study
 from experiments.participation.questions import CONTEXT
 from surveys.answers import AnswerValue
-from surveys.definition import Definition, Question, Words
+from surveys.definition import Definition, Question, TextItem
 from surveys.downloads import answered
 from surveys.models import Answer
 from surveys.models import Questionnaire as QuestionnaireRow
@@ -69,7 +69,7 @@ def _response(row: Row, definition: Definition, answers: Sequence[Answer], who: 
 def _said(question: Question, given: AnswerValue, choice: Choice) -> tuple[object, str]:
     if given.value is None:
         return None, str(given.missing or "")
-    if isinstance(question.item, Words) and not choice.has_text:
+    if isinstance(question.item, TextItem) and not choice.has_text:
         return None, WITHHELD
     return given.value, ""
 

@@ -87,14 +87,14 @@ class Record:
 class Findings:
     """What was found besides the diaries: drives by session, columns without a value, what was drawn, and why something was not.
 
-    `told_otherwise` are sentences on drives whose records give something else than is stored (experiments/tasks/replay_check.py).
+    `discrepancies` are sentences on drives whose records give something else than is stored (experiments/tasks/replay_check.py).
     """
 
     records: Mapping[str, Record] = field(default_factory=dict)
     empty_columns: Sequence[str] = ()
     drawn: Sequence[str] = ()
     not_drawn: Sequence[str] = ()
-    told_otherwise: Sequence[str] = ()
+    discrepancies: Sequence[str] = ()
 
 
 def judge(study: Study, diaries: Sequence[Diary], found: Findings) -> Report:
@@ -106,7 +106,7 @@ def judge(study: Study, diaries: Sequence[Diary], found: Findings) -> Report:
     report.empty_columns, report.drawn = sorted(found.empty_columns), sorted(found.drawn)
     report.power = _power(study)
     report.problems = [*_problems_of(study, report), *_stuck(diaries), *(f"Not drawn: {name}." for name in found.not_drawn)]
-    report.problems += found.told_otherwise
+    report.problems += found.discrepancies
     report.notes = _notes(report)
     report.passed = not report.problems
     return report

@@ -16,7 +16,7 @@ from experiments.definition.rehearsal import Findings, Record, Report
 from experiments.definition.schema import Practice
 from experiments.definition.schema import Study as Definition
 from experiments.models import Drive, Kind, Rehearsal, Study
-from experiments.tasks.replay_check import told_otherwise
+from experiments.tasks.replay_check import discrepancies
 
 NEVER_FOR_BOTS = frozenset({"loss", "fps", "bitrate", "freezes", "jitter"})  # a bot has no WebRTC that would measure them
 ALWAYS_RARE = frozenset({"by_map", "by_script", "on_datachannel"})
@@ -30,7 +30,7 @@ def findings(study: Study) -> Findings:
     records = {str(drive.session_id): _record(drive, is_practice=drive.step in practice) for drive in drives}
     dataset = dataset_of(study).chosen(("bot",))
     drawn, not_drawn = _draw(dataset)
-    otherwise = told_otherwise(drives.select_related("session", "participant__study"), np.random.default_rng(1))
+    otherwise = discrepancies(drives.select_related("session", "participant__study"), np.random.default_rng(1))
     return Findings(records, sorted(_empty(dataset, definition)), drawn, not_drawn, otherwise)
 
 

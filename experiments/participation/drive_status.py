@@ -16,7 +16,7 @@ Standing = Literal["never", "living", "exposed", "unexposed"]
 
 
 @dataclass(frozen=True)
-class Driven:
+class DriveStatus:
     """How the last session of a step stands. `reason` is the session's own, for a sentence."""
 
     standing: Standing
@@ -30,21 +30,21 @@ class Driven:
         return self.session.robot if self.session is not None else None
 
 
-NEVER = Driven("never")
+NEVER = DriveStatus("never")
 
 
-def driven(participant: Participant, place: Place) -> Driven:
+def driven(participant: Participant, place: Place) -> DriveStatus:
     """Return what became of a place at which the robot is driven: from its drives, and from visits that never got the robot."""
     drives = _drives(participant).filter(visit=place.visit, round=place.round, step=place.step)
     done = [_of_drive(drive) for drive in drives]
     living = _living(participant, place)
     if living is not None:
-        return Driven("living", living)
+        return DriveStatus("living", living)
     exposed = next((one for one in done if one.standing == "exposed"), None)
     return exposed or (done[0] if done else _without_drive(participant, place))
 
 
-def last_drive(participant: Participant, place: Place) -> Driven:
+def last_drive(participant: Participant, place: Place) -> DriveStatus:
     """Return what questions after driving are about: the last drive of the visit up to a place's round, or nothing."""
     drive = _drives(participant).filter(visit=place.visit, round=place.round).first()
     return _of_drive(drive) if drive is not None else NEVER
@@ -54,12 +54,12 @@ def _drives(participant: Participant) -> Any:
     return Drive.objects.filter(participant=participant).select_related("session", "session__robot").order_by("-granted_at")
 
 
-def _of_drive(drive: Drive) -> Driven:
+def _of_drive(drive: Drive) -> DriveStatus:
     session = drive.session
     if session.state != Session.State.ENDED:
-        return Driven("living", session)
+        return DriveStatus("living", session)
     exposed = drive.exposed or session.first_motion_at is not None
-    return Driven("exposed" if exposed else "unexposed", session, drive.outcome or session.outcome, session.outcome_reason)
+    return DriveStatus("exposed" if exposed else "unexposed", session, drive.outcome or session.outcome, session.outcome_reason)
 
 
 def _own_sessions(participant: Participant, place: Place) -> Any:
@@ -77,9 +77,9 @@ def _living(participant: Participant, place: Place) -> Session | None:
     return found
 
 
-def _without_drive(participant: Participant, place: Place) -> Driven:
+def _without_drive(participant: Participant, place: Place) -> DriveStatus:
     session = _own_sessions(participant, place).filter(granted_at=None, drive=None).first()
-    return Driven("unexposed", session, session.outcome, session.outcome_reason) if session is not None else NEVER
+    return DriveStatus("unexposed", session, session.outcome, session.outcome_reason) if session is not None else NEVER
 
 
 # --- which robot -----------------------------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from experiments.definition.publishing import sites
 from experiments.definition.schema import AnyStep, Consent, Debrief, Form, Instructions, Leaf, Practice, Questionnaire, Task
 from experiments.models import ConsentReceipt, Participant, Study
 from experiments.participation import completion, consent, journey, own_data, progress, questions
-from experiments.participation.drive_status import Driven, driven, last_drive, robot_for, series_of
+from experiments.participation.drive_status import DriveStatus, driven, last_drive, robot_for, series_of
 from experiments.participation.forms import ConsentForm
 from experiments.participation.views import BAD
 from experiments.tasks import page
@@ -239,7 +239,7 @@ def _access(participant: Participant) -> Any:
 
 def _may_do_without(participant: Participant, drive_step: Practice | Task, now: datetime.datetime) -> bool:
     """Tell whether somebody may go on without driving: after a drive that never began, or where none can begin now."""
-    done: Driven = driven(participant, progress.place(participant))
+    done: DriveStatus = driven(participant, progress.place(participant))
     if done.standing == "living":
         return False
     if isinstance(drive_step, Practice) or done.standing == "unexposed" or participant.study.status == Study.Status.CLOSED:

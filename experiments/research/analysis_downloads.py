@@ -37,9 +37,9 @@ def dataset(request: HttpRequest, slug: str) -> HttpResponseBase:
     return StreamingHttpResponse(_output(command(*words), environment()), content_type="application/zip", headers=headers)
 
 
-async def _output(words: list[str], surroundings: dict[str, str]) -> AsyncIterator[bytes]:
+async def _output(words: list[str], obstacle_map: dict[str, str]) -> AsyncIterator[bytes]:
     """Yield what a command writes; it ends with whoever reads. One that fails breaks the download off, so that nobody takes it for whole."""
-    process = await asyncio.create_subprocess_exec(*words, stdout=asyncio.subprocess.PIPE, env=surroundings)
+    process = await asyncio.create_subprocess_exec(*words, stdout=asyncio.subprocess.PIPE, env=obstacle_map)
     assert process.stdout is not None
     try:
         while part := await process.stdout.read(PART):

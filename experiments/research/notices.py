@@ -24,7 +24,7 @@ log = logging.getLogger(__name__)
 MAIL_SECONDS = 5.0  # that a mail server may keep the session manager waiting
 
 
-def tell_pause(*, robot: Robot, reason: str, at: datetime.datetime, **_more: Any) -> None:
+def publish_pause(*, robot: Robot, reason: str, at: datetime.datetime, **_more: Any) -> None:
     """Tell the researchers of every open study that uses a robot that its queue is paused."""
     subject = _("%(study)s: the queue of %(robot)s is paused")
     text = _(
@@ -37,7 +37,7 @@ def tell_pause(*, robot: Robot, reason: str, at: datetime.datetime, **_more: Any
             _send(study, robot, reason, at, addresses, words=(subject, text))
 
 
-def tell_not_ready(*, robot: Robot, session: Session, reason: str, at: datetime.datetime, **_more: Any) -> None:
+def publish_not_ready(*, robot: Robot, session: Session, reason: str, at: datetime.datetime, **_more: Any) -> None:
     """Tell the researchers of a participant's study that they wait, and what the robot lacks."""
     standing = standing_of(session.visitor, robot)
     if standing is None:

@@ -89,7 +89,7 @@ def _say(request: HttpRequest, news: ServerNews) -> str:
 
 async def _tell(news: ServerNews) -> bool:
     bridge = mqtt_bridge.current()
-    return await bridge.wait_connected(BROKER_PATIENCE_SECONDS) and bridge.tell_session(news)
+    return await bridge.wait_connected(BROKER_PATIENCE_SECONDS) and bridge.publish_session(news)
 
 
 def _act(request: HttpRequest, slug: str) -> str | ServerNews:

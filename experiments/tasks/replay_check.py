@@ -16,7 +16,7 @@ from experiments.tasks.stored_records import offset_of, stored
 TWICE = 0.3  # the share of records that come again
 
 
-def told_otherwise(drives: Iterable[Drive], rng: np.random.Generator) -> list[str]:
+def discrepancies(drives: Iterable[Drive], rng: np.random.Generator) -> list[str]:
     """Return a sentence for each settled drive of a task that comes out otherwise than it is stored."""
     return [sentence for drive in drives if (sentence := _difference(drive, rng))]
 

@@ -107,7 +107,7 @@ class Runner:
 
     # --- what is heard -----------------------------------------------------------------------------------------------
 
-    def hear_state(self, *, robot: str, session: str, state: State, received_at: float, clock_offset: float | None, **_more: object) -> None:
+    def on_state(self, *, robot: str, session: str, state: State, received_at: float, clock_offset: float | None, **_more: object) -> None:
         """Take a state of a session."""
         running = self._of(session)
         if running is None or running.robot != robot:
@@ -117,7 +117,7 @@ class Runner:
             running.feed(seen(state, offset))
             self._go_on(running, received_at)
 
-    def hear_message(self, *, robot: str, session: str, message: object, received_at: float, clock_offset: float | None, **_more: object) -> None:
+    def on_message(self, *, robot: str, session: str, message: object, received_at: float, clock_offset: float | None, **_more: object) -> None:
         """Take an event, the end of an action, or what the page says; `robot` is empty for a page."""
         running = self._of(session)
         if running is None or robot not in {"", running.robot}:
@@ -139,7 +139,7 @@ class Runner:
                 self._go_on(running, now.timestamp())
         self._settler.look(now)
 
-    def hear_end(self, *, session: Session, **_more: object) -> None:
+    def on_end(self, *, session: Session, **_more: object) -> None:
         """A session is over, whoever ended it."""
         self._running.pop(str(session.pk), None)
         self._foreign.discard(str(session.pk))

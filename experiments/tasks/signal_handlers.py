@@ -8,7 +8,7 @@ from experiments.participation import interface_suggestion
 from experiments.participation.grants import StudyTerms, invites
 from experiments.participation.own_data import clear_settled, withdraw_everywhere
 from experiments.research.access import forget_members
-from experiments.research.notices import tell_not_ready, tell_pause
+from experiments.research.notices import publish_not_ready, publish_pause
 from experiments.tasks.runner import Runner
 from robots.access import register_guest_list
 from sessions import interfaces, signals
@@ -26,13 +26,13 @@ def connect() -> None:
     pre_delete.connect(withdraw_everywhere, sender=User, weak=False, dispatch_uid="experiments.withdraw_everywhere")
     post_delete.connect(forget_members, sender=Study, weak=False, dispatch_uid="experiments.forget_members")
     for signal, receiver in (
-        (signals.state_received, RUNNER.hear_state),
-        (signals.state_recovered, RUNNER.hear_state),
-        (signals.message_received, RUNNER.hear_message),
+        (signals.state_received, RUNNER.on_state),
+        (signals.state_recovered, RUNNER.on_state),
+        (signals.message_received, RUNNER.on_message),
         (signals.looked, RUNNER.look),
         (signals.looked, clear_settled),
-        (signals.session_ended, RUNNER.hear_end),
-        (signals.queue_paused, tell_pause),
-        (signals.not_ready, tell_not_ready),
+        (signals.session_ended, RUNNER.on_end),
+        (signals.queue_paused, publish_pause),
+        (signals.not_ready, publish_not_ready),
     ):
         signal.connect(receiver, weak=False, dispatch_uid=f"experiments.{receiver.__qualname__}")

@@ -31,7 +31,7 @@ from robots.api import codec, topics
 from robots.api.errors import Rejection
 from robots.api.messages import Action, Lease, Message, ServerNews
 from robots.bridge import broker_address
-from robots.bridge.delivery import LINK, Delivery, Listener, OutboundMessage
+from robots.bridge.delivery import LINK, Delivery, Listener, ReceivedMessage
 from robots.bridge.inbox import Inbox
 from robots.bridge.known import KnownRobot
 from robots.bridge.quick_reading import read_quickly
@@ -180,7 +180,7 @@ class Bridge:
         for (robot, suffix), payload in self._retained.items():
             self._fly(topics.of(robot, suffix), payload, qos=1, retain=True)
         self._send_reports()
-        self._delivery.bring_everybody(OutboundMessage(LINK, True))
+        self._delivery.bring_everybody(ReceivedMessage(LINK, True))
 
     def _depart(self) -> None:
         self._client = self._writer = None
@@ -189,7 +189,7 @@ class Bridge:
         self._delivery.lose_sight()
         self._delivery.watch.link_changed(time.monotonic(), up=False)
         if self._up.is_set():
-            self._delivery.bring_everybody(OutboundMessage(LINK, False))
+            self._delivery.bring_everybody(ReceivedMessage(LINK, False))
 
     def _receive(self, message: aiomqtt.Message) -> None:
         self.counts["arrived"] += 1
@@ -254,7 +254,7 @@ class Bridge:
         self._delivery.note_lease(robot, lease, time.monotonic())
         return self._fly(topics.of(robot, "lease"), b"" if lease is None else codec.encode(lease), qos=1, retain=True)
 
-    def tell_session(self, news: ServerNews) -> bool:
+    def publish_session(self, news: ServerNews) -> bool:
         """Publish news of a session for every web process and the session manager."""
         return self._fly(topics.session_news(news.session), codec.encode(news), qos=1)
 

@@ -21,7 +21,7 @@ _status = msgspec.json.Decoder(ManagerStatus)
 
 
 @dataclass(frozen=True)
-class OutboundMessage:
+class ReceivedMessage:
     """One message on its way to a listener: decoded once for all of them, and as the frame that pages get (binary for a picture)."""
 
     suffix: str
@@ -32,7 +32,7 @@ class OutboundMessage:
 class Listener(Protocol):
     """Whoever is told what a robot or a server said; called on the loop, must return at once and must not raise."""
 
-    def hear(self, letter: OutboundMessage) -> None:
+    def hear(self, inbound: ReceivedMessage) -> None:
         """Take one letter."""
 
 
@@ -102,29 +102,29 @@ class Delivery:
         message = None if suffix == "lease" and not payload else codec.decode(suffix, payload)
         if known.take(suffix, message, now):
             frame = picture.frame(payload) if picture.is_picture(suffix) else f"{suffix}\n{payload.decode('utf-8', 'replace')}"
-            self.bring(known.name, OutboundMessage(suffix, message, frame))
+            self.bring(known.name, ReceivedMessage(suffix, message, frame))
 
     def note_lease(self, robot: str, lease: Lease | None, now: float) -> None:
         """Act on a lease that this process is about to publish, without waiting for it to come back."""
         known = self.known.get(robot)
         if known is not None:
             known.take_lease(lease, now, certain=True)
-            self.bring(robot, OutboundMessage("lease", lease))
+            self.bring(robot, ReceivedMessage("lease", lease))
 
     def lose_sight(self) -> None:
         """Forget which robots are connected: the connection to the broker is gone, and only a new word counts."""
         for known in self.known.values():
             known.connection = None
 
-    def bring(self, robot: str, letter: OutboundMessage) -> None:
+    def bring(self, robot: str, inbound: ReceivedMessage) -> None:
         """Bring a letter to everybody who listens to a robot."""
         for listener in tuple(self._listeners.get(robot, ())):
-            listener.hear(letter)
+            listener.hear(inbound)
 
-    def bring_everybody(self, letter: OutboundMessage) -> None:
+    def bring_everybody(self, inbound: ReceivedMessage) -> None:
         """Bring a letter to everybody who listens to any robot."""
         for robot in self.robots:
-            self.bring(robot, letter)
+            self.bring(robot, inbound)
 
     def bring_faults(self, now: float) -> None:
         """Bring everybody what fails now, when that has changed or was said a second ago: who hears nothing at all has lost this process."""
@@ -133,12 +133,12 @@ class Delivery:
             told, at = self._told.get(robot, (None, float("-inf")))
             if faults != told or now - at >= FAULTS_SECONDS:
                 self._told[robot] = faults, now
-                self.bring(robot, OutboundMessage(FAULTS, faults))
+                self.bring(robot, ReceivedMessage(FAULTS, faults))
 
     def bring_news(self, news: ServerNews) -> None:
         """Bring news to everybody who follows their session."""
         for follower in tuple(self._followers.get(news.session, ())):
-            follower.hear(OutboundMessage(NEWS, news))
+            follower.hear(ReceivedMessage(NEWS, news))
 
 
 def _decoded(decoder: "msgspec.json.Decoder[Decoded]", payload: bytes) -> Decoded:

@@ -14,7 +14,7 @@ class KnownRobot:
     """Connection, factsheet, last state and lease of a robot, newest wins.
 
     `online_boot` is the boot of the last ONLINE. `lease` is the newest one, None when nobody drives, heard at `renewed_at`; `epoch`,
-    `renewal` and `stamp` are the newest seen and outlive it, so that a late copy of an older lease does not come back. `heard_at` is when the
+    `renewal` and `stamp` are the newest seen and outlive it, so that a late copy of an older lease does not come back. `last_received_at` is when the
     robot itself last said anything.
     """
 
@@ -28,7 +28,7 @@ class KnownRobot:
     renewal: int = -1
     stamp: float = -1.0
     renewed_at: float = -1e18
-    heard_at: float = -1e18
+    last_received_at: float = -1e18
 
     @property
     def online(self) -> bool | None:
@@ -37,12 +37,12 @@ class KnownRobot:
 
     def is_silent(self, now: float, seconds: float) -> bool:
         """Tell whether a robot that is connected has said nothing for so long."""
-        return bool(self.online) and now - self.heard_at >= seconds
+        return bool(self.online) and now - self.last_received_at >= seconds
 
     def take(self, suffix: str, message: Any, now: float) -> bool:
         """Note what the robot or a server said; False when it was out of date and must not be passed on."""
         if suffix != "lease":
-            self.heard_at = now
+            self.last_received_at = now
         match message:
             case Connection():
                 return self._take_connection(message)

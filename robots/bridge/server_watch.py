@@ -20,23 +20,23 @@ class ServerWatch:
     def __init__(self) -> None:
         self._linked = False
         self._status: ManagerStatus | None = None
-        self._heard_at = float("-inf")
+        self._last_received_at = float("-inf")
         self._asked_at: float | None = None  # the first question that was not answered
         self._asked_last = float("-inf")
         self._has_answered = False  # since the session manager was heard last
 
     def link_changed(self, now: float, *, up: bool) -> None:
         """Note that the broker was reached, or lost; a session manager that lost it too has the usual time to come back."""
-        self._linked, self._heard_at, self._status = up, now, None
+        self._linked, self._last_received_at, self._status = up, now, None
         self._asked_at, self._asked_last, self._has_answered = None, float("-inf"), False
 
     def heard(self, status: ManagerStatus, now: float) -> None:
         """Note the session manager's heartbeat, which proves the broker as well."""
-        self._status, self._heard_at, self._asked_at, self._has_answered = status, now, None, False
+        self._status, self._last_received_at, self._asked_at, self._has_answered = status, now, None, False
 
     def wants_probe(self, now: float) -> bool:
         """Tell whether the broker is to be asked now; the caller does so, and calls `answered`."""
-        if not self._linked or now - max(self._heard_at, self._asked_last) < PROBE_SECONDS:
+        if not self._linked or now - max(self._last_received_at, self._asked_last) < PROBE_SECONDS:
             return False
         self._asked_last = now
         self._asked_at = now if self._asked_at is None else self._asked_at
@@ -53,6 +53,6 @@ class ServerWatch:
         if self._asked_at is not None and not self._has_answered:
             return ()  # through a broker that perhaps fails nobody is heard, so that silence says nothing of anybody else
         silent = (ROBOT,) if robot.is_silent(now, ROBOT_SECONDS) else ()
-        if now - self._heard_at >= MANAGER_SECONDS:
+        if now - self._last_received_at >= MANAGER_SECONDS:
             return (SESSION_MANAGER, *silent)
         return (*(self._status.faults if self._status is not None else ()), *silent)

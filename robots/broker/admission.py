@@ -49,15 +49,15 @@ class Admission(Generic[Who]):
         displaced = self._oldest_of_the_many() if self.strangers >= MAX_STRANGERS else None
         if displaced is not None:
             self.leave(displaced)
-        household = counted(address)
-        self._places[who] = household, address
-        self._strangers.setdefault(household, {}).setdefault(address, {})[who] = None
+        network_prefix = counted(address)
+        self._places[who] = network_prefix, address
+        self._strangers.setdefault(network_prefix, {}).setdefault(address, {})[who] = None
         return displaced
 
     def progress(self, who: Who) -> None:
         """A stranger has sent its CONNECT: from here on the broker is at work, and idle ones go first."""
-        household, address = self._places[who]
-        same = self._strangers[household][address]
+        network_prefix, address = self._places[who]
+        same = self._strangers[network_prefix][address]
         del same[who]
         same[who] = None
 
@@ -85,13 +85,13 @@ class Admission(Generic[Who]):
     def leave(self, who: Who) -> None:
         """Free a place, if there is one."""
         if who in self._places:
-            household, address = self._places.pop(who)
-            addresses = self._strangers[household]
+            network_prefix, address = self._places.pop(who)
+            addresses = self._strangers[network_prefix]
             del addresses[address][who]
             if not addresses[address]:
                 del addresses[address]
             if not addresses:
-                del self._strangers[household]
+                del self._strangers[network_prefix]
         user = self._users.pop(who, None)
         if user in self._usages:
             self._usages[user].connections.pop(who, None)
@@ -101,5 +101,5 @@ class Admission(Generic[Who]):
         self._usages = {name: usage for name, usage in self._usages.items() if name in but}
 
     def _oldest_of_the_many(self) -> Who:
-        household = max(self._strangers.values(), key=lambda addresses: sum(map(len, addresses.values())))
-        return next(iter(max(household.values(), key=len)))
+        network_prefix = max(self._strangers.values(), key=lambda addresses: sum(map(len, addresses.values())))
+        return next(iter(max(network_prefix.values(), key=len)))

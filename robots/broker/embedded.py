@@ -130,20 +130,20 @@ class EmbeddedBroker:
 
     async def authenticate(self, connect: Connect, address: str) -> BrokerUser | None:
         """Return whose password it is, or None. An address that is often wrong causes no more looks at the database."""
-        name, token, household = connect.user, connect.password, counted(address)
+        name, token, network_prefix = connect.user, connect.password, counted(address)
         if name is None or token is None:
-            self._warn(household, "broker_anonymous_refused address=%s", address)
+            self._warn(network_prefix, "broker_anonymous_refused address=%s", address)
             return None
         known = self._users.get(name)
         if known is not None and self._verifier.knows(token, known.credential_hash, time.monotonic()):
             return known
         user = await self._verified(name, token)
-        if user is None and not self._verifier.is_blocked(household, time.monotonic()):
+        if user is None and not self._verifier.is_blocked(network_prefix, time.monotonic()):
             await self._refresh()  # perhaps the key is younger than our last look at the database
             user = await self._verified(name, token)
         if user is None:
-            self._verifier.note_failure(household, time.monotonic())
-            self._warn(household, "broker_password_refused user=%.80r address=%s", name, address)
+            self._verifier.note_failure(network_prefix, time.monotonic())
+            self._warn(network_prefix, "broker_password_refused user=%.80r address=%s", name, address)
         return user
 
     async def _verified(self, name: str, token: str) -> BrokerUser | None:

@@ -19,7 +19,7 @@ from robots import log_ids
 from robots.api import picture
 from robots.api.messages import Action, Message
 from robots.bridge import bridge
-from robots.bridge.delivery import FAULTS, LINK, OutboundMessage
+from robots.bridge.delivery import FAULTS, LINK, ReceivedMessage
 from robots.ice import ice_servers
 from sessions import protocol
 from sessions.consumers import queries, relay
@@ -27,7 +27,7 @@ from sessions.consumers.authorization import Authorization, Close, Deny, Effect,
 from sessions.consumers.backpressure import IS_FULL, never_full
 from sessions.consumers.base import DirectConsumer
 from sessions.consumers.page_session import PageSession
-from sessions.consumers.peers import company_of, part
+from sessions.consumers.peers import part, peers_of
 from sessions.consumers.sender import Sender
 from sessions.devices import device_of, headers_of_scope
 from sessions.leases.policy import PAGE_SEEN_EVERY
@@ -40,7 +40,7 @@ WELCOME_EVERY = 60.0
 class RobotConsumer(DirectConsumer):
     """One page at one robot. Until the page is let in there is no visit, and whatever it says is ignored."""
 
-    visit: PageSession | None = None
+    page_session: PageSession | None = None
 
     # --- coming and going --------------------------------------------------------------------------------------------
 
@@ -62,36 +62,36 @@ class RobotConsumer(DirectConsumer):
         self.tasks: set[asyncio.Task[Any]] = set()
         self.bridge = bridge.current()
         self.known = self.bridge.listen(self.name, self)
-        self.room = Authorization(secrets.token_urlsafe(12), user.shown_name, door.operator, ice_servers(self.name, time.time()))
+        self.authorization = Authorization(secrets.token_urlsafe(12), user.shown_name, door.operator, ice_servers(self.name, time.time()))
         self.sparing = relay.Sparing()
-        self.outbox = Sender(self._send_frame, self.close, self.scope.get(IS_FULL, never_full))
-        self.company = company_of(self.name)
-        self.company.waiting = door.waiting
+        self.sender = Sender(self._send_frame, self.close, self.scope.get(IS_FULL, never_full))
+        self.peers = peers_of(self.name)
+        self.peers.waiting = door.waiting
         client = self.scope.get("client") or ("",)
-        self.visit = PageSession(
+        self.page_session = PageSession(
             robot=door.robot,
             user=user,
             session_key=self.scope["session"].session_key,
             device=device_of(headers_of_scope(self.scope), client[0], settings.TRUSTED_PROXIES),
             may_observe=bool(door.may_observe),
-            room=self.room,
+            authorization=self.authorization,
             known=self.known,
             bridge=self.bridge,
-            company=self.company,
-            outbox=self.outbox,
+            peers=self.peers,
+            sender=self.sender,
         )
-        log_ids.bind(lambda: {"robot": self.name, "session": self.room.session})  # until the end of this socket's own task
+        log_ids.bind(lambda: {"robot": self.name, "session": self.authorization.session})  # until the end of this socket's own task
         self.ids = log_ids.captured()
         self._say_hello(door)
-        self.company.members.add(self.visit)
-        self.company.changed()
-        self._launch(self._keep_time(self.visit))
+        self.peers.members.add(self.page_session)
+        self.peers.changed()
+        self._launch(self._keep_time(self.page_session))
 
     def _say_hello(self, door: queries.Entrance) -> None:
         online = door.online if self.known.online is None else self.known.online
         self.presence = protocol.RobotPresence(online=online)
         hello = protocol.Hello(
-            peer=self.room.peer,
+            peer=self.authorization.peer,
             stamp=time.time(),
             robot=self.name,
             online=online,
@@ -99,44 +99,44 @@ class RobotConsumer(DirectConsumer):
             may_observe=bool(door.may_observe),
             live_elsewhere=door.live_elsewhere,
         )
-        self.outbox.post("hello", hello)
+        self.sender.post("hello", hello)
 
     async def disconnect(self, code: int) -> None:
         """Leave without ending the visit: its drive may live on the data channel."""
-        if self.visit is None:
+        if self.page_session is None:
             return
-        stop = self.room.parting_stop(uuid.uuid4().hex, time.time(), self.known.lease, time.monotonic())
+        stop = self.authorization.parting_stop(uuid.uuid4().hex, time.time(), self.known.lease, time.monotonic())
         if stop is not None:
             self.bridge.send_stop(self.name, stop)
-        self._stop_listening(self.visit)
-        await self.visit.page_gone()
-        log.info("page_left robot=%s code=%s refused=%s dropped=%d", self.name, code, dict(self.room.refused), self.outbox.mailbox.dropped)
+        self._stop_listening(self.page_session)
+        await self.page_session.page_gone()
+        log.info("page_left robot=%s code=%s refused=%s dropped=%d", self.name, code, dict(self.authorization.refused), self.sender.queue.dropped)
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
         """Live from the first to the last frame, and leave nothing behind however it ends: `disconnect` is not called after a failure."""
         try:
             await super().__call__(scope, receive, send)
         finally:
-            if self.visit is not None:
-                self._stop_listening(self.visit)
-                self.visit.forget()
+            if self.page_session is not None:
+                self._stop_listening(self.page_session)
+                self.page_session.forget()
                 for task in self.tasks:
                     task.cancel()
 
-    def _stop_listening(self, visit: PageSession) -> None:
-        visit.stop_watching()  # a connection to the robot lives without this socket, and nobody would look after it
-        self.outbox.abandon()
+    def _stop_listening(self, page_session: PageSession) -> None:
+        page_session.stop_watching()  # a connection to the robot lives without this socket, and nobody would look after it
+        self.sender.abandon()
         self.bridge.ignore(self.name, self)
-        part(self.name, visit)
-        self.company.changed()
+        part(self.name, page_session)
+        self.peers.changed()
 
     # --- what the page says ------------------------------------------------------------------------------------------
 
     async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
         """Decide about a frame and do what was decided."""
-        if self.visit is not None and not self.outbox.closed:
+        if self.page_session is not None and not self.sender.closed:
             frame = text_data if text_data is not None else bytes_data or b""
-            effects = self.room.receive(frame, self.known.lease, time.monotonic())
+            effects = self.authorization.receive(frame, self.known.lease, time.monotonic())
             self._perform(effects)
             if any(isinstance(effect, Verb) for effect in effects):
                 await asyncio.sleep(0)  # what is asked for begins before the next frame, which may be the last
@@ -157,9 +157,9 @@ class RobotConsumer(DirectConsumer):
                 case Spare(direct):
                     self.sparing.direct = direct
                 case Deny(suffix, reason):
-                    self.outbox.post("denied", protocol.Denied(suffix=suffix, reason=reason))
+                    self.sender.post("denied", protocol.Denied(suffix=suffix, reason=reason))
                 case Close(code):
-                    self.outbox.end(code)
+                    self.sender.end(code)
 
     def _publish(self, publish: Publish) -> None:
         message = publish.message
@@ -169,71 +169,75 @@ class RobotConsumer(DirectConsumer):
         reachable = self.known.online is not False and self.bridge.send(self.name, publish.suffix, message)
         if publish.wanted and not reachable:
             suffix = protocol.SIGNAL if publish.suffix.startswith(protocol.SIGNAL) else publish.suffix
-            self._perform(self.room.deny(suffix, "robot_unreachable", time.monotonic()))
+            self._perform(self.authorization.deny(suffix, "robot_unreachable", time.monotonic()))
 
     async def _publish_of_operator(self, publish: Publish) -> None:
         """Send what somebody asks who operates the robot, if they still do: that may be over since the page came."""
-        assert self.visit is not None
-        async with self.visit.turn:
-            if await self.visit.still_welcome() and self.room.operator is not None:
+        assert self.page_session is not None
+        async with self.page_session.turn:
+            if await self.page_session.still_welcome() and self.authorization.operator is not None:
                 self._publish(publish)
             else:
-                self._perform(self.room.deny(publish.suffix, "not_allowed", time.monotonic()))
+                self._perform(self.authorization.deny(publish.suffix, "not_allowed", time.monotonic()))
 
     def _ask(self, verb: Message) -> None:
-        assert self.visit is not None
-        if self.visit.has_room_for_a_verb():
-            self._launch(self.visit.do(verb))
+        assert self.page_session is not None
+        if self.page_session.has_room_for_a_verb():
+            self._launch(self.page_session.do(verb))
         else:
-            self._perform(self.room.deny("session/take", "busy", time.monotonic()))
+            self._perform(self.authorization.deny("session/take", "busy", time.monotonic()))
 
     # --- what the robot says -----------------------------------------------------------------------------------------
 
-    def hear(self, letter: OutboundMessage) -> None:
+    def hear(self, inbound: ReceivedMessage) -> None:
         """Take a letter from the bridge, in whose task lines of the log would be about nobody."""
         token = log_ids.bind(self.ids)
         try:
-            self._hear(letter)
+            self._hear(inbound)
         finally:
             log_ids.unbind(token)
 
-    def _hear(self, letter: OutboundMessage) -> None:
-        assert self.visit is not None
+    def _hear(self, inbound: ReceivedMessage) -> None:
+        assert self.page_session is not None
         unsure = False
-        if letter.suffix == "lease":
-            unsure = self.visit.lost_lease(letter.message)
-        elif letter.suffix in {LINK, "connection"}:
-            unsure = letter.suffix == LINK and letter.message
-            self._presence_changed(link=letter.message is not False)
-        elif letter.suffix == FAULTS:
-            self.outbox.put(relay.status(letter.message, self.known, time.monotonic()))
-        elif picture.is_picture(letter.suffix):
-            if isinstance(letter.frame, bytes) and picture.is_for(letter.suffix, self.room.peer) and self.room.may_see_picture(self.known.lease):
-                self.outbox.put_picture(letter.frame)
+        if inbound.suffix == "lease":
+            unsure = self.page_session.lost_lease(inbound.message)
+        elif inbound.suffix in {LINK, "connection"}:
+            unsure = inbound.suffix == LINK and inbound.message
+            self._presence_changed(link=inbound.message is not False)
+        elif inbound.suffix == FAULTS:
+            self.sender.put(relay.status(inbound.message, self.known, time.monotonic()))
+        elif picture.is_picture(inbound.suffix):
+            if (
+                isinstance(inbound.frame, bytes)
+                and picture.is_for(inbound.suffix, self.authorization.peer)
+                and self.authorization.may_see_picture(self.known.lease)
+            ):
+                self.sender.put_picture(inbound.frame)
         else:
-            self._relay(letter)
-        if letter.suffix in {"lease", "state"}:
-            self.visit.company_changed()
+            self._relay(inbound)
+        if inbound.suffix in {"lease", "state"}:
+            self.page_session.peers_changed()
         if unsure:
-            self._launch(self.visit.confirm())
+            self._launch(self.page_session.confirm())
 
-    def _relay(self, letter: OutboundMessage) -> None:
-        if (out := relay.for_driver(letter)) is not None:
+    def _relay(self, inbound: ReceivedMessage) -> None:
+        if (out := relay.for_driver(inbound)) is not None:
             # What visitor and people at the robot write to each other, and where they point, is no business of those who watch.
-            if self.room.holds(self.known.lease) and self.sparing.passes(letter.suffix, time.monotonic()):
-                self.outbox.put(out)
-        elif self.sparing.passes(letter.suffix, time.monotonic()) and (out := relay.relayed(letter, self.room.peer)) is not None:
-            self.outbox.put(out)
+            if self.authorization.holds(self.known.lease) and self.sparing.passes(inbound.suffix, time.monotonic()):
+                self.sender.put(out)
+        elif self.sparing.passes(inbound.suffix, time.monotonic()) and (out := relay.relayed(inbound, self.authorization.peer)) is not None:
+            self.sender.put(out)
 
     def _presence_changed(self, *, link: bool) -> None:
         presence = relay.presence(self.known, link=link)
         if presence is not None and presence != self.presence:
             self.presence = presence
-            self.outbox.post("robot", presence)
+            self.sender.post("robot", presence)
 
     # --- what time brings --------------------------------------------------------------------------------------------
 
-    async def _keep_time(self, visit: PageSession) -> None:
+    async def _keep_time(self, page_session: PageSession) -> None:
         """Say every few seconds that the page is open, and every minute ask whether it may stay."""
         # Pages that came together do not ask together from then on.
         asked = time.monotonic() - random.random() * WELCOME_EVERY / 2  # noqa: S311
@@ -241,14 +245,14 @@ class RobotConsumer(DirectConsumer):
         while True:
             await asyncio.sleep(pause)
             pause = PAGE_SEEN_EVERY
-            visit.company_changed()
+            page_session.peers_changed()
             try:
-                await visit.say_seen()
+                await page_session.say_seen()
                 if time.monotonic() - asked >= WELCOME_EVERY:
                     asked = time.monotonic()
-                    async with visit.turn:
-                        if await visit.still_welcome():
-                            visit.vouch()
+                    async with page_session.turn:
+                        if await page_session.still_welcome():
+                            page_session.vouch()
             except (DatabaseError, InterfaceError) as error:
                 log.warning("page_not_checked robot=%s reason=%s", self.name, error)
 

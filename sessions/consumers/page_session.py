@@ -44,11 +44,11 @@ class PageSession:
     session_key: str | None
     device: dict[str, Any]
     may_observe: bool
-    room: Authorization
+    authorization: Authorization
     known: KnownRobot
     bridge: Bridge
-    company: Peers
-    outbox: Sender
+    peers: Peers
+    sender: Sender
     turn: asyncio.Lock = field(default_factory=asyncio.Lock)
     waiting_verbs: int = 0
     described: protocol.Room | None = None
@@ -65,12 +65,12 @@ class PageSession:
         async with self.turn:
             self.waiting_verbs -= 1
             try:
-                if not self.outbox.closed and await self.still_welcome():
+                if not self.sender.closed and await self.still_welcome():
                     await self._do(verb)
             except (DatabaseError, InterfaceError, store.LeaseContention):
                 log.exception("verb_failed robot=%s verb=%s", self.robot.name, type(verb).__name__)
-                self.outbox.post("denied", protocol.Denied(suffix=f"session/{type(verb).__name__.lower()}", reason="unavailable"))
-        self.company.changed()
+                self.sender.post("denied", protocol.Denied(suffix=f"session/{type(verb).__name__.lower()}", reason="unavailable"))
+        self.peers.changed()
 
     async def _do(self, verb: Message) -> None:
         match verb:
@@ -82,13 +82,13 @@ class PageSession:
                 await self._leave(verb)
             case protocol.Assist():
                 await self._choose_assist(verb)
-        self.company.waiting = await database_sync_to_async(queries.waiting_at)(self.robot)
+        self.peers.waiting = await database_sync_to_async(queries.waiting_at)(self.robot)
 
     async def _take(self, ask: protocol.Take) -> None:
         taken = await database_sync_to_async(queries.take)(
             self.robot,
             self.user,
-            self.room.peer,
+            self.authorization.peer,
             session=ask.session,
             old_peer=ask.peer,
             takeover=ask.takeover,
@@ -100,16 +100,16 @@ class PageSession:
                 self._granted(taken)
             case store.Queued(session, place, minutes, reason):
                 self._follow(session)
-                self.room.wait(session)
-                self.outbox.post("session/queued", protocol.Queued(session=session, place=place, minutes=minutes, reason=reason))
+                self.authorization.wait(session)
+                self.sender.post("session/queued", protocol.Queued(session=session, place=place, minutes=minutes, reason=reason))
             case store.Refused(reason, session):
-                self.outbox.post("session/refused", protocol.Refused(reason=reason, session=session))
+                self.sender.post("session/refused", protocol.Refused(reason=reason, session=session))
 
     def _granted(self, granted: store.Granted) -> None:
         self._follow(granted.session)
-        self.room.drive(granted.session, granted.epoch, granted.peer)
+        self.authorization.drive(granted.session, granted.epoch, granted.peer)
         if granted.resumed:
-            self.company.replace(granted.peer, self)
+            self.peers.replace(granted.peer, self)
         # Before the page hears of it, so that the robot knows the driver when the offer comes.
         self.bridge.publish_lease(self.robot.name, granted.lease)
         message = protocol.Granted(
@@ -122,39 +122,39 @@ class PageSession:
             limits=granted.lease.limits,
             terms=_told_terms(granted.terms),
         )
-        self.outbox.post("session/granted", message)
+        self.sender.post("session/granted", message)
         if granted.shown:
             self.hear_news(ServerNews(type="task", stamp=time.time(), session=granted.session, data=granted.shown))
 
     async def _choose_assist(self, verb: protocol.Assist) -> None:
-        session, chosen = self.room.session, None
-        if session is not None and self.room.standing == "driver":
+        session, chosen = self.authorization.session, None
+        if session is not None and self.authorization.standing == "driver":
             choose = database_sync_to_async(queries.choose_assist)
-            chosen = await choose(self.robot, self.user, session, verb.level, peer=self.room.peer, now=timezone.now())
+            chosen = await choose(self.robot, self.user, session, verb.level, peer=self.authorization.peer, now=timezone.now())
         if isinstance(chosen, Lease):
             self.bridge.publish_lease(self.robot.name, chosen)
         else:
-            self.outbox.post("denied", protocol.Denied(suffix="session/assist", reason=chosen or "not_driver"))
+            self.sender.post("denied", protocol.Denied(suffix="session/assist", reason=chosen or "not_driver"))
 
     def _observe(self) -> None:
         if not self.may_observe:
-            self.outbox.post("session/refused", protocol.Refused(reason="not_allowed"))
-        elif not self.room.watches and not self.company.has_place(self.known):
-            self.outbox.post("session/refused", protocol.Refused(reason="observers_full"))
+            self.sender.post("session/refused", protocol.Refused(reason="not_allowed"))
+        elif not self.authorization.watches and not self.peers.has_place(self.known):
+            self.sender.post("session/refused", protocol.Refused(reason="observers_full"))
         else:
-            self.room.observe()
-            self.outbox.post("session/observing", protocol.Observing(ice_servers=self._ice_servers()))
+            self.authorization.observe()
+            self.sender.post("session/observing", protocol.Observing(ice_servers=self._ice_servers()))
 
     async def _leave(self, verb: protocol.Leave) -> None:
-        session, drove = self.room.session, self.room.standing == "driver"
+        session, drove = self.authorization.session, self.authorization.standing == "driver"
         if session is None and verb.session is not None:
             await self._leave_late(verb.session, verb.peer or "")
             return
         if session is None:
             self.hang_up()
-            self.room.leave()
+            self.authorization.leave()
             return
-        left = await database_sync_to_async(store.leave)(session, peer=self.room.peer, now=timezone.now())
+        left = await database_sync_to_async(store.leave)(session, peer=self.authorization.peer, now=timezone.now())
         outcome, reason = await database_sync_to_async(queries.outcome_of)(session)
         self._over(protocol.Ended(session=session, outcome=outcome or "moved", reason=reason))
         if left:
@@ -163,18 +163,18 @@ class PageSession:
     async def _leave_late(self, session: str, peer: str) -> None:
         """End what the visitor left while the page could not say so; what has moved to another page, or is another's, stays."""
         if not await database_sync_to_async(queries.is_of)(session, self.user):
-            self.outbox.post("denied", protocol.Denied(suffix="session/leave", reason="not_yours"))
+            self.sender.post("denied", protocol.Denied(suffix="session/leave", reason="not_yours"))
             return
         left = await database_sync_to_async(store.leave)(session, peer=peer, now=timezone.now())
         outcome, reason = await database_sync_to_async(queries.outcome_of)(session)
-        self.outbox.post("session/ended", protocol.Ended(session=session, outcome=outcome or "moved", reason=reason))
+        self.sender.post("session/ended", protocol.Ended(session=session, outcome=outcome or "moved", reason=reason))
         if left:
             self._tell_ended(session, outcome, reason, drove=reason != store.LEFT_QUEUE)
 
     def _tell_ended(self, session: str, outcome: str, reason: str, *, drove: bool) -> None:
         if drove:
             self.bridge.publish_lease(self.robot.name, None)
-        self.bridge.tell_session(ServerNews(type="ended", stamp=time.time(), session=session, state="ended", outcome=outcome, text=reason))
+        self.bridge.publish_session(ServerNews(type="ended", stamp=time.time(), session=session, state="ended", outcome=outcome, text=reason))
 
     # --- what is heard -----------------------------------------------------------------------------------------------
 
@@ -182,15 +182,19 @@ class PageSession:
         """Tell the page what the session manager decided."""
         if news.type == "ended":
             self._over(protocol.Ended(session=news.session, outcome=news.outcome, reason=news.text))
-            self.company.changed()
+            self.peers.changed()
         elif (told := relay.told(news, settings.START_SECONDS)) is not None:
-            self.outbox.post(*told)
+            self.sender.post(*told)
 
     def lost_lease(self, lease: Lease | None) -> bool:
         """Act on a lease that is not this page's any more; True when only the database knows why."""
-        if self.room.standing != "driver" or self.room.holds(lease) or (lease is not None and lease.epoch < self.room.epoch):
+        if (
+            self.authorization.standing != "driver"
+            or self.authorization.holds(lease)
+            or (lease is not None and lease.epoch < self.authorization.epoch)
+        ):
             return False
-        if lease is not None and lease.session == self.room.session:
+        if lease is not None and lease.session == self.authorization.session:
             self._over(protocol.Ended(session=lease.session, outcome="moved"))
             return False
         return True
@@ -198,17 +202,17 @@ class PageSession:
     async def confirm(self) -> None:
         """Ask the database where this page's session stands, when the broker may have forgotten or mixed up something."""
         async with self.turn:
-            session = self.room.session
-            if session is None or self.outbox.closed:
+            session = self.authorization.session
+            if session is None or self.sender.closed:
                 return
-            standing = await database_sync_to_async(queries.standing_of)(
-                self.robot, self.user, session, epoch=self.room.epoch, peer=self.room.peer, now=timezone.now()
+            standing = await database_sync_to_async(queries.session_status_of)(
+                self.robot, self.user, session, epoch=self.authorization.epoch, peer=self.authorization.peer, now=timezone.now()
             )
-            if session == self.room.session:
+            if session == self.authorization.session:
                 self._stand(standing, session)
 
-    def _stand(self, standing: queries.Standing, session: str) -> None:
-        driving = self.room.standing == "driver"
+    def _stand(self, standing: queries.SessionStatus, session: str) -> None:
+        driving = self.authorization.standing == "driver"
         if standing.state == "ended":
             self._over(protocol.Ended(session=session, outcome=standing.outcome, reason=standing.reason))
         elif driving and standing.moved:
@@ -216,13 +220,13 @@ class PageSession:
         elif driving and standing.lease is not None:
             self.bridge.publish_lease(self.robot.name, _ahead(standing.lease, self.known))
         elif not driving and standing.seconds is not None:
-            self.outbox.post("session/turn", protocol.YourTurn(session=session, seconds=standing.seconds))
+            self.sender.post("session/turn", protocol.YourTurn(session=session, seconds=standing.seconds))
 
     # --- what time brings --------------------------------------------------------------------------------------------
 
     async def say_seen(self) -> None:
         """Note in the database that this page is open."""
-        session = self.room.session
+        session = self.authorization.session
         if session is not None and not await roll_call.seen(session):
             await self.confirm()
 
@@ -234,26 +238,26 @@ class PageSession:
         welcome = await database_sync_to_async(queries.welcome)(self.session_key, self.user, self.robot)
         answer = welcome.answer
         if answer == "welcome":
-            self.may_observe, self.room.operator = welcome.may_observe, welcome.operator
-            if self.room.watches and not self.may_observe:
+            self.may_observe, self.authorization.operator = welcome.may_observe, welcome.operator
+            if self.authorization.watches and not self.may_observe:
                 self.stop_watching()
-                self.outbox.post("session/refused", protocol.Refused(reason="not_allowed"))
+                self.sender.post("session/refused", protocol.Refused(reason="not_allowed"))
             return True
         log.warning("page_sent_away robot=%s user=%s reason=%s", self.robot.name, self.user.pk, answer)
-        session, drove = self.room.session, self.room.standing == "driver"
+        session, drove = self.authorization.session, self.authorization.standing == "driver"
         self.hang_up()
         if session is not None:
             self.forget()
             outcome = Session.Outcome.STOPPED_BY_OPERATOR if drove else Session.Outcome.CANCELLED
             if await database_sync_to_async(store.end)(session, outcome, answer, timezone.now()):
                 self._tell_ended(session, outcome, answer, drove=drove)
-        self.outbox.end(protocol.SIGNED_OUT if answer == "signed_out" else protocol.NOT_ALLOWED)
+        self.sender.end(protocol.SIGNED_OUT if answer == "signed_out" else protocol.NOT_ALLOWED)
         return False
 
     async def page_gone(self) -> None:
         """Note that the page's socket has closed, when what was begun is done. The visit goes on: its time is the session manager's."""
         async with self.turn:
-            session, peer = self.room.session, self.room.peer
+            session, peer = self.authorization.session, self.authorization.peer
             if session is not None:
                 self.forget()
                 roll_call.forget(session)
@@ -261,53 +265,53 @@ class PageSession:
 
     # --- small steps -------------------------------------------------------------------------------------------------
 
-    def company_changed(self) -> None:
+    def peers_changed(self) -> None:
         """Tell the page who is here, if that is news."""
-        described = self.company.describe(self.known, time.monotonic())
+        described = self.peers.describe(self.known, time.monotonic())
         if described != self.described:
             self.described = described
-            self.outbox.post("room", described)
+            self.sender.post("room", described)
 
     def replaced(self) -> None:
         """Another socket of this page has come: this one is dead, and must neither stop the robot nor report the page gone."""
         self.forget()
-        self.outbox.end(protocol.REPLACED)
+        self.sender.end(protocol.REPLACED)
 
-    def hear(self, letter: Any) -> None:
+    def hear(self, inbound: Any) -> None:
         """Take the news of the session that is followed."""
-        self.hear_news(letter.message)
+        self.hear_news(inbound.message)
 
     def _follow(self, session: str) -> None:
-        if self.room.session not in {None, session}:
-            self.bridge.unfollow(str(self.room.session), self)
+        if self.authorization.session not in {None, session}:
+            self.bridge.unfollow(str(self.authorization.session), self)
         self.bridge.follow(session, self)
 
     def forget(self) -> None:
         """Have nothing to do with the session any more."""
-        if self.room.session is not None:
-            self.bridge.unfollow(self.room.session, self)
-        self.room.leave()
+        if self.authorization.session is not None:
+            self.bridge.unfollow(self.authorization.session, self)
+        self.authorization.leave()
 
     def _over(self, ended: protocol.Ended) -> None:
         self.hang_up()
         self.forget()
-        self.outbox.post("session/ended", ended)
+        self.sender.post("session/ended", ended)
 
     def hang_up(self) -> None:
         """Tell the robot that this page wants no more pictures, and must get none."""
-        if self.room.watches or self.room.standing == "driver":
-            self.bridge.send(self.robot.name, f"{protocol.SIGNAL}/{self.room.peer}", Bye(reason="left"))
+        if self.authorization.watches or self.authorization.standing == "driver":
+            self.bridge.send(self.robot.name, f"{protocol.SIGNAL}/{self.authorization.peer}", Bye(reason="left"))
 
     def stop_watching(self) -> None:
         """End the page's pictures when it watches; whoever drives may do so without the server, and is ended by the lease."""
-        if self.room.watches:
-            self.room.watches = False
-            self.bridge.send(self.robot.name, f"{protocol.SIGNAL}/{self.room.peer}", Bye(reason="left"))
+        if self.authorization.watches:
+            self.authorization.watches = False
+            self.bridge.send(self.robot.name, f"{protocol.SIGNAL}/{self.authorization.peer}", Bye(reason="left"))
 
     def vouch(self) -> None:
         """Tell the robot that this page may go on watching."""
-        if self.room.watches:
-            self.bridge.send(self.robot.name, f"{protocol.SIGNAL}/{self.room.peer}", Stay())
+        if self.authorization.watches:
+            self.bridge.send(self.robot.name, f"{protocol.SIGNAL}/{self.authorization.peer}", Stay())
 
     def _ice_servers(self) -> Any:
         return ice_servers(str(self.user.pk), time.time())

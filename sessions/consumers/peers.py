@@ -11,12 +11,12 @@ from sessions.protocol import Room as RoomFrame
 class Member(Protocol):
     """A page's connection."""
 
-    room: Authorization
+    authorization: Authorization
 
     def replaced(self) -> None:
         """Another socket of the same page has taken this one's place."""
 
-    def company_changed(self) -> None:
+    def peers_changed(self) -> None:
         """Somebody came, left, or does something else now."""
 
 
@@ -30,7 +30,7 @@ class Peers:
     @property
     def observers(self) -> int:
         """How many of the pages here watch."""
-        return sum(member.room.watches for member in self.members)
+        return sum(member.authorization.watches for member in self.members)
 
     def describe(self, known: KnownRobot, now: float) -> RoomFrame:
         """Return who is here; `now` is monotonic seconds.
@@ -52,41 +52,41 @@ class Peers:
     def replace(self, peer: str, by: Member) -> None:
         """Let a page's new socket take the place of its old one, which may not know yet that it is dead."""
         for member in tuple(self.members):
-            if member is not by and member.room.peer == peer:
+            if member is not by and member.authorization.peer == peer:
                 member.replaced()
 
     def changed(self) -> None:
         """Tell everybody that the company has changed."""
         for member in tuple(self.members):
-            member.company_changed()
+            member.peers_changed()
 
 
-_companies: dict[str, Peers] = {}
+_peers: dict[str, Peers] = {}
 _refused_before: Counter[str] = Counter()
 
 
-def company_of(robot: str) -> Peers:
+def peers_of(robot: str) -> Peers:
     """Return the company at a robot."""
-    return _companies.setdefault(robot, Peers())
+    return _peers.setdefault(robot, Peers())
 
 
 def part(robot: str, member: Member) -> None:
     """Leave the company; it is forgotten with its last member."""
-    company = _companies.get(robot)
-    if company is not None:
-        if member in company.members:
-            _refused_before.update(member.room.refused)
-        company.members.discard(member)
-        if not company.members:
-            del _companies[robot]
+    peers = _peers.get(robot)
+    if peers is not None:
+        if member in peers.members:
+            _refused_before.update(member.authorization.refused)
+        peers.members.discard(member)
+        if not peers.members:
+            del _peers[robot]
 
 
-def standings() -> Counter[str]:
+def counts_by_role() -> Counter[str]:
     """Return how many pages of this process do what: drive, wait, watch, or neither (`guest`)."""
-    members = [member for company in _companies.values() for member in company.members]
-    return Counter("observer" if member.room.watches else member.room.standing for member in members)
+    members = [member for peers in _peers.values() for member in peers.members]
+    return Counter("observer" if member.authorization.watches else member.authorization.standing for member in members)
 
 
 def refusals() -> Counter[str]:
     """Return how many frames of drive pages this process has refused, by reason."""
-    return sum((member.room.refused for company in _companies.values() for member in company.members), _refused_before.copy())
+    return sum((member.authorization.refused for peers in _peers.values() for member in peers.members), _refused_before.copy())

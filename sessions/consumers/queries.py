@@ -54,7 +54,7 @@ class Welcome:
 
 
 @dataclass(frozen=True)
-class Standing:
+class SessionStatus:
     """Where a session really stands: `lease` is set while it holds the robot through this very page and epoch.
 
     `seconds` is what is left of an offered turn.
@@ -131,21 +131,21 @@ def take(
     return turns.take(robot, user, peer, session=session, old_peer=old_peer, takeover=takeover, device=device, now=now)
 
 
-def standing_of(robot: Robot, user: User, session: str, *, epoch: int, peer: str, now: datetime.datetime) -> Standing:
+def session_status_of(robot: Robot, user: User, session: str, *, epoch: int, peer: str, now: datetime.datetime) -> SessionStatus:
     """Return where a session stands, for a page that thinks it drives (with `epoch` and `peer`) or waits (epoch 0)."""
     row = Session.objects.filter(pk=session).first()
     if row is None or row.state == Session.State.ENDED:
-        return Standing("ended", row.outcome if row else "", row.outcome_reason if row else "")
+        return SessionStatus("ended", row.outcome if row else "", row.outcome_reason if row else "")
     lease = Lease.objects.filter(robot=robot, session=session).first()
     if lease is None:
         left = None if row.offered_at is None else settings.START_SECONDS - (now - row.offered_at).total_seconds()
-        return Standing(row.state, seconds=left if left is not None and left > 0.0 else None)
+        return SessionStatus(row.state, seconds=left if left is not None and left > 0.0 else None)
     if (lease.epoch, lease.peer) != (epoch, peer):
-        return Standing(row.state, moved=True)
+        return SessionStatus(row.state, moved=True)
     hold = Hold(lease.epoch, session, lease.peer)
     who, fixed = user.shown_name, terms.of(row)
     message = turns.lease_message(robot, who, hold, renewal=lease.renewal, stamp=now.timestamp(), assist=row.assist, fixed=fixed)
-    return Standing(row.state, lease=message)
+    return SessionStatus(row.state, lease=message)
 
 
 def choose_assist(

@@ -10,7 +10,7 @@ import msgspec
 from robots.api import topics
 from robots.api.codec import encode_frame
 from robots.api.messages import Heartbeat, Message, Pointer, ServerNews
-from robots.bridge.delivery import LINK, OutboundMessage
+from robots.bridge.delivery import LINK, ReceivedMessage
 from robots.bridge.known import KnownRobot
 from robots.bridge.server_watch import ROBOT
 from sessions import protocol
@@ -56,39 +56,39 @@ def outgoing(suffix: str, message: Message) -> Outgoing:
     return Outgoing(encode_frame(suffix, message))
 
 
-def relayed(letter: OutboundMessage, peer: str) -> Outgoing | None:
+def relayed(inbound: ReceivedMessage, peer: str) -> Outgoing | None:
     """Return what a page with this peer id is told of a robot's letter; None when it is none of its business.
 
     Peer ids are secret to their pages: a heartbeat keeps the echo of this page alone, and a reply goes to its own peer.
     """
-    match letter:
-        case OutboundMessage(suffix="heartbeat", message=Heartbeat() as beat):
+    match inbound:
+        case ReceivedMessage(suffix="heartbeat", message=Heartbeat() as beat):
             own = tuple(echo for echo in beat.echoes if echo.peer == peer)
             return Outgoing(encode_frame("heartbeat", msgspec.structs.replace(beat, echoes=own)), droppable=True)
-        case OutboundMessage(suffix=suffix) if suffix in TELEMETRY or suffix in KEPT:
-            assert isinstance(letter.frame, str)
-            return Outgoing(letter.frame, droppable=suffix in TELEMETRY)
-        case OutboundMessage(suffix=suffix) if suffix == f"{protocol.SIGNAL}/{peer}/reply":
-            return outgoing("signal/reply", letter.message)
+        case ReceivedMessage(suffix=suffix) if suffix in TELEMETRY or suffix in KEPT:
+            assert isinstance(inbound.frame, str)
+            return Outgoing(inbound.frame, droppable=suffix in TELEMETRY)
+        case ReceivedMessage(suffix=suffix) if suffix == f"{protocol.SIGNAL}/{peer}/reply":
+            return outgoing("signal/reply", inbound.message)
     return None
 
 
-def for_driver(letter: OutboundMessage) -> Outgoing | None:
+def for_driver(inbound: ReceivedMessage) -> Outgoing | None:
     """Return what a robot says to whoever drives it alone: words, and where somebody at its display points; None for all the rest."""
-    match letter:
-        case OutboundMessage(suffix="words", frame=str() as frame):
+    match inbound:
+        case ReceivedMessage(suffix="words", frame=str() as frame):
             return Outgoing(frame)
-        case OutboundMessage(message=Pointer(by="screen"), frame=str() as frame):
+        case ReceivedMessage(message=Pointer(by="screen"), frame=str() as frame):
             return Outgoing(frame, droppable=True)
     return None
 
 
-def for_screen(letter: OutboundMessage) -> Outgoing | None:
+def for_screen(inbound: ReceivedMessage) -> Outgoing | None:
     """Return what a robot says to its own display, where the driver points among it; None for what is none of its business."""
-    match letter:
-        case OutboundMessage(suffix="state" | "action" | "words" as suffix, frame=str() as frame):
+    match inbound:
+        case ReceivedMessage(suffix="state" | "action" | "words" as suffix, frame=str() as frame):
             return Outgoing(frame, droppable=suffix == "state")
-        case OutboundMessage(message=Pointer(by="driver"), frame=str() as frame):
+        case ReceivedMessage(message=Pointer(by="driver"), frame=str() as frame):
             return Outgoing(frame, droppable=True)
     return None
 

@@ -13,7 +13,7 @@ from django.db import DatabaseError, InterfaceError
 from robots import log_ids
 from robots.api.messages import Action, Bye, Stay
 from robots.bridge import bridge
-from robots.bridge.delivery import LINK, OutboundMessage
+from robots.bridge.delivery import LINK, ReceivedMessage
 from robots.ice import ice_servers
 from robots.models import Robot
 from robots.screens import cookie_of, screen_of
@@ -22,7 +22,7 @@ from sessions.consumers import relay
 from sessions.consumers.authorization import Close, Deny, Effect, Halt, Publish
 from sessions.consumers.backpressure import IS_FULL, never_full
 from sessions.consumers.base import DirectConsumer
-from sessions.consumers.screen_authorization import ScreenRoom
+from sessions.consumers.screen_authorization import ScreenAuthorization
 from sessions.consumers.sender import Sender
 from sessions.leases.terms import of as terms_of
 from sessions.models import Session
@@ -36,7 +36,7 @@ WELCOME_EVERY = 60.0  # s between two looks at the key
 class ScreenConsumer(DirectConsumer):
     """One display of one robot. Until its key was found right there is no room, and whatever it says is ignored."""
 
-    room: ScreenRoom | None = None
+    authorization: ScreenAuthorization | None = None
 
     async def connect(self) -> None:
         """Let the display in, or close with the reason: a code can only be told to a page whose socket was accepted."""
@@ -54,15 +54,15 @@ class ScreenConsumer(DirectConsumer):
         self.title = robot.title or robot.name
         self.bridge = bridge.current()
         self.known = self.bridge.listen(self.name, self)
-        self.room = ScreenRoom(secrets.token_urlsafe(12), self.title, ice_servers(self.name, time.time()))
-        self.outbox = Sender(self._send_frame, self.close, self.scope.get(IS_FULL, never_full))
+        self.authorization = ScreenAuthorization(secrets.token_urlsafe(12), self.title, ice_servers(self.name, time.time()))
+        self.sender = Sender(self._send_frame, self.close, self.scope.get(IS_FULL, never_full))
         self.shown: protocol.Screen | None = None
         self.study = ("", False)
         self.visitor_changed = asyncio.Event()
         hello = protocol.Hello(
-            peer=self.room.peer, stamp=time.time(), robot=self.name, online=self.known.online is True, may_drive=False, may_observe=False
+            peer=self.authorization.peer, stamp=time.time(), robot=self.name, online=self.known.online is True, may_drive=False, may_observe=False
         )
-        self.outbox.post("hello", hello)
+        self.sender.post("hello", hello)
         self.visitor_changed.set()
         self.looking = asyncio.get_running_loop().create_task(self._look())
         log.info("screen_joined robot=%s", self.name)
@@ -72,22 +72,22 @@ class ScreenConsumer(DirectConsumer):
         try:
             await super().__call__(scope, receive, send)
         finally:
-            if self.room is not None:
+            if self.authorization is not None:
                 self.looking.cancel()
-                self.outbox.abandon()
+                self.sender.abandon()
                 self._tell_robot(Bye(reason="left"))  # a connection to the robot lives without this socket
                 self.bridge.ignore(self.name, self)
-                log.info("screen_left robot=%s refused=%s", self.name, dict(self.room.refused))
+                log.info("screen_left robot=%s refused=%s", self.name, dict(self.authorization.refused))
 
     # --- what the display says ---------------------------------------------------------------------------------------
 
     async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
         """Decide about a frame and do what was decided."""
-        if self.room is not None and not self.outbox.closed:
+        if self.authorization is not None and not self.sender.closed:
             frame = text_data if text_data is not None else bytes_data or b""
-            self._perform(self.room, self.room.receive(frame, None, time.monotonic()))
+            self._perform(self.authorization, self.authorization.receive(frame, None, time.monotonic()))
 
-    def _perform(self, room: ScreenRoom, effects: tuple[Effect, ...]) -> None:
+    def _perform(self, authorization: ScreenAuthorization, effects: tuple[Effect, ...]) -> None:
         for effect in effects:
             match effect:
                 case Publish(suffix, message, wanted):
@@ -95,29 +95,29 @@ class ScreenConsumer(DirectConsumer):
                     stamped = msgspec.structs.replace(message, stamp=time.time()) if isinstance(message, Action) else message
                     reachable = self.known.online is not False and self.bridge.send(self.name, suffix, stamped)
                     if wanted and not reachable:
-                        self._perform(room, room.deny(suffix, "robot_unreachable", time.monotonic()))
+                        self._perform(authorization, authorization.deny(suffix, "robot_unreachable", time.monotonic()))
                 case Halt(message):
                     self.bridge.send_stop(self.name, message)
                 case Deny(suffix, reason):
-                    self.outbox.post("denied", protocol.Denied(suffix=suffix, reason=reason))
+                    self.sender.post("denied", protocol.Denied(suffix=suffix, reason=reason))
                 case Close(code):
-                    self.outbox.end(code)
+                    self.sender.end(code)
 
     # --- what the display is told ------------------------------------------------------------------------------------
 
-    def hear(self, letter: OutboundMessage) -> None:
+    def hear(self, inbound: ReceivedMessage) -> None:
         """Take a letter from the bridge."""
-        assert self.room is not None
-        if letter.suffix in {LINK, "connection"}:
-            presence = relay.presence(self.known, link=letter.message is not False if letter.suffix == LINK else True)
+        assert self.authorization is not None
+        if inbound.suffix in {LINK, "connection"}:
+            presence = relay.presence(self.known, link=inbound.message is not False if inbound.suffix == LINK else True)
             if presence is not None:
-                self.outbox.post("robot", presence)
-        elif (shown := relay.for_screen(letter)) is not None:
-            self.outbox.put(shown)
-        elif letter.suffix == "lease":
+                self.sender.post("robot", presence)
+        elif (shown := relay.for_screen(inbound)) is not None:
+            self.sender.put(shown)
+        elif inbound.suffix == "lease":
             self.visitor_changed.set()
-        elif (out := relay.relayed(letter, self.room.peer)) is not None and letter.suffix.startswith(protocol.SIGNAL):
-            self.outbox.put(out)
+        elif (out := relay.relayed(inbound, self.authorization.peer)) is not None and inbound.suffix.startswith(protocol.SIGNAL):
+            self.sender.put(out)
 
     async def _look(self) -> None:
         """Say who visits whenever that changes, and ask every minute whether the key is still right."""
@@ -134,15 +134,15 @@ class ScreenConsumer(DirectConsumer):
                 if time.monotonic() - asked >= WELCOME_EVERY:
                     asked = time.monotonic()
                     if await database_sync_to_async(screen_of)(self.name, self.key) is None:
-                        self.outbox.end(protocol.NOT_ALLOWED)
+                        self.sender.end(protocol.NOT_ALLOWED)
                     else:
                         self._tell_robot(Stay())
             except (DatabaseError, InterfaceError) as error:
                 log.warning("screen_not_checked robot=%s reason=%s", self.name, error)
 
     def _tell_robot(self, signal: Bye | Stay) -> None:
-        if self.room is not None:
-            self.bridge.send(self.name, f"{protocol.SIGNAL}/{self.room.peer}", signal)
+        if self.authorization is not None:
+            self.bridge.send(self.name, f"{protocol.SIGNAL}/{self.authorization.peer}", signal)
 
     async def _tell_visitor(self) -> None:
         lease = self.known.lease_at(time.monotonic())
@@ -153,11 +153,11 @@ class ScreenConsumer(DirectConsumer):
             session=lease.session if lease else None,
             visitor=lease.who if lease else None,
             study=lease is not None and self.study[1],
-            ice_servers=self.room.ice_servers if self.room else (),
+            ice_servers=self.authorization.ice_servers if self.authorization else (),
         )
         if shown != self.shown:
             self.shown = shown
-            self.outbox.post("screen", shown)
+            self.sender.post("screen", shown)
 
     async def _send_frame(self, frame: str | bytes) -> None:
         assert isinstance(frame, str)

@@ -12,7 +12,7 @@ from robots.api.messages import AnswerCall, Bye, Candidate, ClearEStop, EStop, I
 from sessions.consumers.authorization import Authorization, Effect, Halt, Publish, Refused
 
 
-class ScreenRoom(Authorization):
+class ScreenAuthorization(Authorization):
     """The place of a robot's screen in its room.
 
     Args:

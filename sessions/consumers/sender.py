@@ -29,7 +29,7 @@ class Sender:
     def __init__(self, send: Callable[[str | bytes], Awaitable[None]], close: Callable[[int], Awaitable[None]], is_full: Callable[[], bool]) -> None:
         self._send, self._close, self._is_full = send, close, is_full
         self._ending: asyncio.Task[None] | None = None
-        self.mailbox = SendQueue()
+        self.queue = SendQueue()
         self._pumping = asyncio.get_running_loop().create_task(self._pump())
 
     @property
@@ -43,12 +43,12 @@ class Sender:
 
     def put(self, out: Outgoing) -> None:
         """Send the page a frame; one that lets too much pile up is sent away."""
-        if not self.mailbox.put(out.frame, droppable=out.droppable):
+        if not self.queue.put(out.frame, droppable=out.droppable):
             self.end(protocol.TOO_SLOW)
 
     def put_picture(self, frame: bytes) -> None:
         """Send the page a picture, or a newer one when its network does not take this one in time."""
-        self.mailbox.put_picture(frame)
+        self.queue.put_picture(frame)
 
     def end(self, code: int) -> None:
         """Close the connection after what is already posted, once."""
@@ -61,12 +61,12 @@ class Sender:
 
     async def _close_after_mail(self, code: int) -> None:
         patience = 0.0 if code in {protocol.TOO_SLOW, protocol.FLOODED} else LAST_WORDS_SECONDS
-        await self.mailbox.wait_empty(patience)
+        await self.queue.wait_empty(patience)
         await self._close(code)
 
     async def _pump(self) -> None:
         while True:
-            await self._send(await self.mailbox.take())
-            SEND_SECONDS.observe(time.monotonic() - self.mailbox.taken_from)
+            await self._send(await self.queue.take())
+            SEND_SECONDS.observe(time.monotonic() - self.queue.taken_from)
             while self._is_full():  # noqa: ASYNC110 -- the server has no event for it
                 await asyncio.sleep(FULL_POLL_SECONDS)

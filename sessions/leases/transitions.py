@@ -36,7 +36,7 @@ IDLE = "idle"  # the reason of a visit whose driver gave no sign any more
 
 @dataclass(frozen=True)
 class Link:
-    """What was last heard of the robot: anything at all at `heard_at`; the newest state at `state_at`, with these of its fields.
+    """What was last heard of the robot: anything at all at `last_received_at`; the newest state at `state_at`, with these of its fields.
 
     `since` is when the session manager began to listen, `silence` State.visitor_silence, and `moved` says whether a command of this
     session and epoch has ever moved the robot. `active_at` is when the robot last showed a sign of its driver, `signs` when pages gave
@@ -44,7 +44,7 @@ class Link:
     """
 
     since: float = 0.0
-    heard_at: float | None = None
+    last_received_at: float | None = None
     state_at: float | None = None
     session: str | None = None
     epoch: int = 0
@@ -196,7 +196,7 @@ def _driver(scene: Scene, holder: Visit, link: Link, rules: Rules, now: float) -
 def _fault(scene: Scene, holder: Visit, link: Link, now: float) -> End | None:
     if not scene.enabled:
         return End(holder.id, "stopped_by_operator", "robot_disabled")
-    heard = max(link.since, link.heard_at or 0.0, holder.granted_at or 0.0)
+    heard = max(link.since, link.last_received_at or 0.0, holder.granted_at or 0.0)
     if now - heard > ROBOT_SILENCE:
         return End(holder.id, "robot_fault", "robot_offline")
     return None

@@ -17,14 +17,14 @@ class ClockOffset:
     def __init__(self, peer: str) -> None:
         self._peer = peer
         self._exchanges: deque[tuple[float, float]] = deque(maxlen=EXCHANGES)  # (round trip, offset)
-        self.heard_at: float | None = None  # when the last echo came, by our clock
+        self.last_received_at: float | None = None  # when the last echo came, by our clock
         self._newest = -1  # the last echo that was taken; a restarted server counts from the beginning again
 
     def hear(self, beat: Heartbeat, received: float) -> None:
         """Take a robot's heartbeat that arrived at `received` by our clock; one that echoes nothing new says nothing."""
         for echo in beat.echoes:
             if echo.peer == self._peer and echo.n != self._newest:
-                self._newest, self.heard_at = echo.n, received
+                self._newest, self.last_received_at = echo.n, received
                 round_trip = (received - echo.stamp) - (beat.stamp - echo.received)
                 offset = ((echo.received - echo.stamp) + (beat.stamp - received)) / 2.0
                 if round_trip >= 0.0:

@@ -18,7 +18,7 @@ from robots.models import FloorPlan, Robot
 from sessions.leases import terms
 from sessions.leases.store import LIVE
 from sessions.leases.terms import FREE, Terms
-from sessions.manager.scheduler import OutboundMessage
+from sessions.manager.scheduler import ManagerMessage
 from sessions.models import Lease, Session
 
 
@@ -37,9 +37,9 @@ class DesiredState:
     def __init__(self) -> None:
         self._told: dict[str, _Told] = {}
 
-    def look(self, now: datetime.datetime) -> list[OutboundMessage]:
+    def look(self, now: datetime.datetime) -> list[ManagerMessage]:
         """Return what has changed since the last look; everything at the first one."""
-        letters = []
+        outbound_messages = []
         plans = FloorPlan.objects.values_list("pk", "sha256", "plan")
         maps = {key: (f"{sha256} {plan}" if sha256 else "", plan) for key, sha256, plan in plans}
         held = {lease.robot_id: lease.session for lease in Lease.objects.filter(session__state__in=LIVE).select_related("session") if lease.session}
@@ -54,12 +54,12 @@ class DesiredState:
             told.doors |= set(fixed.doors)
             if told.config != config:
                 told.config = config
-                letters.append(_retained(robot.name, "config", codec.encode(_stamped(config, now))))
+                outbound_messages.append(_retained(robot.name, "config", codec.encode(_stamped(config, now))))
             if content and told.floor_plan != content:
                 told.floor_plan = content
                 update = FloorPlan.objects.get(pk=robot.floor_plan_id).as_message()
-                letters.append(_retained(robot.name, "floorplan", codec.encode(update)))
-        return letters
+                outbound_messages.append(_retained(robot.name, "floorplan", codec.encode(update)))
+        return outbound_messages
 
 
 def _doors_before(robot: Robot) -> set[str]:
@@ -87,5 +87,5 @@ def _stamped(config: Config, now: datetime.datetime) -> Config:
     return msgspec.structs.replace(config, stamp=now.timestamp())
 
 
-def _retained(robot: str, suffix: str, payload: bytes) -> OutboundMessage:
-    return OutboundMessage(topics.of(robot, suffix), payload, retain=True)
+def _retained(robot: str, suffix: str, payload: bytes) -> ManagerMessage:
+    return ManagerMessage(topics.of(robot, suffix), payload, retain=True)

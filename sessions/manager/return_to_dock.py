@@ -17,7 +17,7 @@ from sessions import signals, system_log
 from sessions.leases.readiness import LEVEL, ORDERED, Condition, Kind, Order, Readiness, decide
 from sessions.leases.store import LIVE
 from sessions.manager.robot_liveness import RobotLiveness
-from sessions.manager.scheduler import OutboundMessage, send
+from sessions.manager.scheduler import ManagerMessage, send
 from sessions.models import Lease
 
 logger = logging.getLogger(__name__)
@@ -41,40 +41,40 @@ class ReturnToDock:
     def __init__(self) -> None:
         self._under_way: dict[str, Readiness] = {}
 
-    def look(self, heard: Mapping[str, RobotLiveness], now: datetime.datetime) -> list[OutboundMessage]:
+    def look(self, heard: Mapping[str, RobotLiveness], now: datetime.datetime) -> list[ManagerMessage]:
         """Bring every robot that is not ready a step nearer to it; return what is to be said."""
         away = list(Robot.objects.exclude(turnaround=Robot.Turnaround.READY).select_related("floor_plan"))
         driven = set(Lease.objects.filter(robot__in=away, session__state__in=LIVE).values_list("robot_id", flat=True))
         self._under_way = {name: self._under_way[name] for name in (robot.name for robot in away) if name in self._under_way}
-        letters = []
+        outbound_messages = []
         for robot in away:
             if robot.pk in driven or not robot.can_go_home or not robot.enabled:
-                letters += self._let_be(robot, now)
+                outbound_messages += self._let_be(robot, now)
             else:
-                letters += self._bring(robot, heard.get(robot.name), now)
-        return letters
+                outbound_messages += self._bring(robot, heard.get(robot.name), now)
+        return outbound_messages
 
-    def _let_be(self, robot: Robot, now: datetime.datetime) -> list[OutboundMessage]:
+    def _let_be(self, robot: Robot, now: datetime.datetime) -> list[ManagerMessage]:
         """An operator has taken it, or it need not go home any more."""
         order = self._under_way.pop(robot.name, Readiness()).order
         self._save(robot, Readiness("ready"), now)
         if order is None or order.is_over(now.timestamp()):
             return []
-        return [_letter(robot, messages.Cancel(**_signature(now), target=order.action_id))]
+        return [_outbound(robot, messages.Cancel(**_signature(now), target=order.action_id))]
 
-    def _bring(self, robot: Robot, heard: RobotLiveness | None, now: datetime.datetime) -> list[OutboundMessage]:
+    def _bring(self, robot: Robot, heard: RobotLiveness | None, now: datetime.datetime) -> list[ManagerMessage]:
         known = _known(robot)
         before = self._under_way.get(robot.name, Readiness(reason=robot.turnaround_reason))
         turnaround, kind = decide(_answered(before, heard), _condition(robot, known, heard, now), now.timestamp())
-        letters = []
+        outbound_messages = []
         if kind is not None:
             action = _action(kind, known, now)
             turnaround = replace(turnaround, order=Order(action.action_id, kind, now.timestamp()))
-            letters.append(_letter(robot, action))
+            outbound_messages.append(_outbound(robot, action))
             logger.info("robot_sent_home robot=%s kind=%s action=%s", robot.name, kind, action.action_id)
         self._under_way[robot.name] = turnaround
         self._save(robot, turnaround, now)
-        return letters
+        return outbound_messages
 
     def _save(self, robot: Robot, turnaround: Readiness, now: datetime.datetime) -> None:
         if (robot.turnaround, robot.turnaround_reason) == (turnaround.phase, turnaround.reason[:300]):
@@ -133,5 +133,5 @@ def _signature(now: datetime.datetime) -> dict[str, object]:
     return {"action_id": f"{ORDERED}{secrets.token_hex(8)}", "stamp": now.timestamp(), "role": "server", "user": USER}
 
 
-def _letter(robot: Robot, action: messages.Action) -> OutboundMessage:
-    return OutboundMessage(topics.of(robot.name, "command/action"), codec.encode(action))
+def _outbound(robot: Robot, action: messages.Action) -> ManagerMessage:
+    return ManagerMessage(topics.of(robot.name, "command/action"), codec.encode(action))

@@ -21,7 +21,7 @@ BY_ITSELF = frozenset({"goto", "docking"})
 class RobotLiveness:
     """One robot. Times in Unix seconds by our clock, of receipt."""
 
-    heard_at: float = 0.0
+    last_received_at: float = 0.0
     boot: str = ""
     seq: int = -1
     state_at: float | None = None
@@ -36,12 +36,12 @@ class RobotLiveness:
     def connection(self, message: Connection, now: float) -> None:
         """Note that the robot came or went; a new run of the agent may have another clock."""
         if message.state == "ONLINE":
-            self.heard_at = now
+            self.last_received_at = now
             self._new_run(message.boot)
 
     def heartbeat(self, message: Heartbeat, now: float) -> None:
         """Note a beat."""
-        self.heard_at = now
+        self.last_received_at = now
         self.offset.hear(message, now)
 
     def answer(self, status: ActionStatus) -> None:
@@ -53,7 +53,7 @@ class RobotLiveness:
 
     def take(self, state: State, now: float) -> bool:
         """Note a state; False when it is an older one, sent again."""
-        self.heard_at = now
+        self.last_received_at = now
         self._new_run(state.boot)
         if state.seq <= self.seq:
             return False
@@ -77,17 +77,19 @@ class RobotLiveness:
 
     def is_present(self, now: float) -> bool:
         """Tell whether the robot was heard of within the last seconds."""
-        return now - self.heard_at < PRESENT_SECONDS
+        return now - self.last_received_at < PRESENT_SECONDS
 
     def is_prompt(self, now: float) -> bool:
         """Tell whether the robot answers our beats, and at the best of the last ones soon enough to be driven."""
-        trip, at = self.offset.round_trip, self.offset.heard_at
+        trip, at = self.offset.round_trip, self.offset.last_received_at
         return trip is not None and at is not None and trip <= ROUND_TRIP and now - at <= ECHO_SECONDS
 
     def link(self, since: float, signs: Mapping[str, float] = NO_SIGNS) -> Link:
         """Return what the timekeeper needs to know; `signs` are those of pages, of every visit."""
         state = self.state
         if state is None:
-            return Link(since=since, heard_at=self.heard_at, signs=signs)
+            return Link(since=since, last_received_at=self.last_received_at, signs=signs)
         moved = self.moved == (state.session, state.epoch)
-        return Link(since, self.heard_at, self.state_at, state.session, state.epoch, state.visitor_silence, moved, self.active_at, signs=signs)
+        return Link(
+            since, self.last_received_at, self.state_at, state.session, state.epoch, state.visitor_silence, moved, self.active_at, signs=signs
+        )

@@ -38,7 +38,7 @@ UNREAD = ("report", "doors", "description")  # of a robot, which nobody needs he
 
 
 @dataclass(frozen=True)
-class OutboundMessage:
+class ManagerMessage:
     """Something to publish at QoS 1; `retain` for leases."""
 
     topic: str
@@ -50,7 +50,7 @@ class Scheduler:
     """Everything that the session manager remembers between two looks; the rest is in the database."""
 
     def __init__(self) -> None:
-        self.outbox: deque[OutboundMessage] = deque()
+        self.outbox: deque[ManagerMessage] = deque()
         self._leases: dict[str, tuple[int, float]] = {}  # robot: epoch, when renewed
         self._counted: dict[str, tuple[int, int]] = {}  # robot: epoch, number of the newest copy
         self._places: dict[str, tuple[int, int, str]] = {}  # session: place, whole minutes, why it is not ready
@@ -66,8 +66,8 @@ class Scheduler:
         The broker may have kept a lease of any robot from before a crash, so that the next renewal tells each who drives, or that nobody
         does: what is read here may be out of date by then.
         """
-        for letter in [letter for letter in self.outbox if letter.retain]:
-            self.outbox.remove(letter)
+        for outbound in [outbound for outbound in self.outbox if outbound.retain]:
+            self.outbox.remove(outbound)
         self._leases = dict.fromkeys(Robot.objects.values_list("name", flat=True), NEVER)
         self._places = {}
 
@@ -177,7 +177,7 @@ class Scheduler:
 
     def _news(self, kind: Any, session: str, now: datetime.datetime, **fields: Any) -> None:
         news = ServerNews(type=kind, stamp=now.timestamp(), session=session, **fields)
-        self.outbox.append(OutboundMessage(topics.session_news(session), codec.encode(news)))
+        self.outbox.append(ManagerMessage(topics.session_news(session), codec.encode(news)))
 
     @staticmethod
     def _note(session: str, kind: str, now: datetime.datetime, **data: Any) -> None:
@@ -247,7 +247,7 @@ class Scheduler:
 
     def _publish_lease(self, robot: str, payload: bytes) -> None:
         # Before all news: whoever drives without a lease would go on for as long as those take.
-        self.outbox.appendleft(OutboundMessage(topics.of(robot, "lease"), payload, retain=True))
+        self.outbox.appendleft(ManagerMessage(topics.of(robot, "lease"), payload, retain=True))
 
     # --- ends --------------------------------------------------------------------------------------------------------
 

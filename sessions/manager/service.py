@@ -48,7 +48,7 @@ from sessions.manager.leadership import BEAT_SECONDS, WAIT_SECONDS, beat, give_b
 from sessions.manager.lock_file import LockFile
 from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.robot_liveness import PEER
-from sessions.manager.scheduler import OutboundMessage, Scheduler, send
+from sessions.manager.scheduler import ManagerMessage, Scheduler, send
 from sessions.manager.task_group import until_one_ends
 from sessions.models import Session
 from sessions.recording.items import CloseItem
@@ -57,7 +57,7 @@ from sessions.recording.recorder import Recorder
 logger = logging.getLogger(__name__)
 
 IDENTIFIER = "session-manager"
-LOOK_SECONDS = 0.5
+POLL_INTERVAL_S = 0.5
 HEARTBEAT_SECONDS = 0.5
 STATUS_SECONDS = 0.5
 HEALTH_SECONDS = 0.1  # between two looks at what the status would be: a fault is told at once
@@ -248,7 +248,7 @@ class SessionManager:
             await self._look_once()
             await self._renew()
             try:
-                async with asyncio.timeout(LOOK_SECONDS):
+                async with asyncio.timeout(POLL_INTERVAL_S):
                     await self._pressing.wait()
             except TimeoutError:
                 continue
@@ -283,7 +283,7 @@ class SessionManager:
                 system_log.log("robot_online" if change.online else "robot_offline", robot=change.robot, at=now, state=change.state)
                 send(signals.presence_changed, robot=change.robot, online=change.online, at=now)
         send(signals.looked, now=now)
-        self._timekeeper.outbox.extend(OutboundMessage(topic, payload) for topic, payload in notices.drain())
+        self._timekeeper.outbox.extend(ManagerMessage(topic, payload) for topic, payload in notices.drain())
         links = {robot: heard.link(self._since, self._intake.signs) for robot, heard in list(self._intake.heard.items())}
         closing = self._timekeeper.look(links, Link(since=self._since), now)
         self._timekeeper.outbox.extend(self._standing.look(now))
@@ -295,14 +295,14 @@ class SessionManager:
 
         Nobody waits for the letter before: the last of many leases would be a second old, and its visit over by then.
         """
-        while letters := list(itertools.islice(self._timekeeper.outbox, TOGETHER)):
-            for outcome in await asyncio.gather(*map(self._tell, letters), return_exceptions=True):
+        while outbound_messages := list(itertools.islice(self._timekeeper.outbox, TOGETHER)):
+            for outcome in await asyncio.gather(*map(self._tell, outbound_messages), return_exceptions=True):
                 if outcome is not None:
                     raise outcome
 
-    async def _tell(self, letter: OutboundMessage) -> None:
-        await self._client.publish(letter.topic, letter.payload, qos=1, retain=letter.retain)
-        self._timekeeper.outbox.remove(letter)
+    async def _tell(self, outbound: ManagerMessage) -> None:
+        await self._client.publish(outbound.topic, outbound.payload, qos=1, retain=outbound.retain)
+        self._timekeeper.outbox.remove(outbound)
 
     async def _beat_for_ever(self) -> None:
         while True:
@@ -327,7 +327,7 @@ class SessionManager:
         """In a thread of its own: a disk that dies may never answer."""
         while True:
             self._disk_state = await asyncio.get_running_loop().run_in_executor(self._disk_watch, self._disk.state)
-            await asyncio.sleep(LOOK_SECONDS)
+            await asyncio.sleep(POLL_INTERVAL_S)
 
     def _faults(self) -> tuple[Fault, ...]:
         return self._health.faults(time.monotonic(), self._disk_state)

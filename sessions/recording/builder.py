@@ -39,7 +39,7 @@ class _Robot:
     """What was last heard of a robot: its newest run, when, and the session that it named."""
 
     boot: str
-    heard_at: float
+    last_received_at: float
     session: str | None = None
     session_at: float = 0.0
 
@@ -88,9 +88,9 @@ class RecordBuilder:
     def _state(self, item: StateItem) -> None:
         state = item.state
         session = self._own(item.robot, state.session, item.received_at)
-        ledger = self._ledger(item.robot, state.boot, session, item.received_at)
-        self._hear(item.robot, state.boot, item.received_at, session=session, fresh=ledger.reached is None or state.seq > ledger.reached)
-        if not ledger.arrive(state.seq, session, item.received_at):
+        tracker = self._tracker(item.robot, state.boot, session, item.received_at)
+        self._hear(item.robot, state.boot, item.received_at, session=session, fresh=tracker.reached is None or state.seq > tracker.reached)
+        if not tracker.arrive(state.seq, session, item.received_at):
             self.counts["duplicates"] += 1
         elif session is not None:
             self.counts["states"] += 1
@@ -111,20 +111,20 @@ class RecordBuilder:
         self.counts["foreign_session"] += 1
         return None
 
-    def _ledger(self, robot: str, boot: str, session: str | None, now: float) -> SequenceTracker:
+    def _tracker(self, robot: str, boot: str, session: str | None, now: float) -> SequenceTracker:
         stored = [] if session is None or (session, boot) in self._restored else self._store.stored(session, boot)
         runs = self._ledgers.setdefault(robot, {})
-        ledger = runs.setdefault(boot, SequenceTracker())
+        tracker = runs.setdefault(boot, SequenceTracker())
         for oldest in list(runs)[: max(0, len(runs) - RUNS)]:
             del runs[oldest]
         if session is not None and (session, boot) not in self._restored:
             self._restored.add((session, boot))
-            ledger.restore(session, stored, now)
-        return ledger
+            tracker.restore(session, stored, now)
+        return tracker
 
     def _hear(self, robot: str, boot: str, now: float, *, session: str | None, fresh: bool) -> None:
         known = self._robots.setdefault(robot, _Robot(boot, now))
-        known.heard_at = now
+        known.last_received_at = now
         if fresh:
             known.boot, known.session, known.session_at = boot, session, now
 
@@ -135,11 +135,11 @@ class RecordBuilder:
         session = self._own(item.robot, event.session, now)
         robot_key = self._store.robot_key(item.robot) if event.type in LOGGED else None
         if session is not None and event.type in {"lease_taken", "session_closed"}:
-            ledger = self._ledger(item.robot, event.boot, session, now)
+            tracker = self._tracker(item.robot, event.boot, session, now)
             if event.type == "lease_taken":
-                ledger.begins(event.seq, session, now)
+                tracker.begins(event.seq, session, now)
             elif event.last_seq is not None:
-                ledger.ends(event.last_seq, session, now)
+                tracker.ends(event.last_seq, session, now)
         if session is not None:
             self._session_event(
                 session, SessionEvent.Source.ROBOT, event.type, event.stamp, now, _fields_of(event), item.robot, event.boot, event.seq
@@ -211,9 +211,9 @@ class RecordBuilder:
             known = self._robots.get(robot)
             if known is None:
                 continue
-            for boot, ledger in runs.items():
-                present = now - known.heard_at < PRESENT_SECONDS
-                asks, losses = ledger.due(now, present=present, alive=known.boot == boot)
+            for boot, tracker in runs.items():
+                present = now - known.last_received_at < PRESENT_SECONDS
+                asks, losses = tracker.due(now, present=present, alive=known.boot == boot)
                 for first, last in asks:
                     self.counts["asked"] += last - first + 1
                     self._ask(robot, boot, first, last)
@@ -254,7 +254,7 @@ class RecordBuilder:
             return True
         known = self._robots.get(item.robot)
         later = known is not None and known.session != item.session and known.session_at > item.ended_at
-        owed = any(ledger.owes(item.session) for ledger in self._ledgers.get(item.robot, {}).values())
+        owed = any(tracker.owes(item.session) for tracker in self._ledgers.get(item.robot, {}).values())
         return later and not owed and now - item.ended_at > SETTLE_SECONDS
 
 

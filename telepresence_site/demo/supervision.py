@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from telepresence_site.demo.children import Child, Children, Part, StartFailed
 from telepresence_site.demo.restart import GiveUp, Restart, RestartPolicy, after_death, deaths_in_a_row
 
-LOOK_SECONDS = 0.1  # between two looks at a part that is started
+POLL_INTERVAL_S = 0.1  # between two looks at a part that is started
 
 
 class PartLostError(Exception):
@@ -73,7 +73,7 @@ class ServiceSupervisor:
         while service.restart_at is not None or not service.part.ready(service.child):
             if self._clock() > deadline:
                 raise StartFailed(f"The {service.part.name} is not ready yet: {service.child.last_words()} (its log: {service.child.log}).")
-            time.sleep(LOOK_SECONDS)
+            time.sleep(POLL_INTERVAL_S)
             self.look()
 
     def look(self) -> bool:

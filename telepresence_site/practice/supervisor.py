@@ -19,7 +19,7 @@ from telepresence_site.practice import robots
 from telepresence_site.practice.pool import Process, Start, Stop, decide
 
 log = logging.getLogger(__name__)
-LOOK_SECONDS = 1.0
+POLL_INTERVAL_S = 1.0
 MANAGE = str(settings.BASE_DIR / "manage.py")
 
 
@@ -48,7 +48,7 @@ class Supervisor:
     def run(self, stopping: threading.Event) -> None:
         """Look after the robots until `stopping` is set, then end them."""
         try:
-            while not stopping.wait(LOOK_SECONDS):
+            while not stopping.wait(POLL_INTERVAL_S):
                 try:
                     self.look()
                 except (DatabaseError, InterfaceError) as error:

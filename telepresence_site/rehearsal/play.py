@@ -19,7 +19,7 @@ import msgspec
 from django.conf import settings
 from django.utils import timezone
 
-from experiments.bots.crowd import Crowd, Plan
+from experiments.bots.crowd import BotGroup, Plan
 from experiments.bots.diary import Diary
 from experiments.bots.endings import ABOUT_PHOTO, Ending
 from experiments.bots.pace import Pace, own_pace
@@ -142,12 +142,12 @@ def _perform(study: Study, orders: Orders, site: str, told: Callable[[str], None
     return diaries, judge(definition, diaries, rehearsed.findings(study))
 
 
-def crowd_of(study: Study, orders: Orders, site: str, told: Callable[[str], None], pace: Pace | None = None) -> Crowd:
+def crowd_of(study: Study, orders: Orders, site: str, told: Callable[[str], None], pace: Pace | None = None) -> BotGroup:
     """Return the bots of some orders, each with a link of its own: to open conditions and to those by invitation in turn."""
     endings = [Ending(name) for name in orders.endings]
     effects = [effect(text) for text in orders.effects]
     plan = Plan(site, bot_links(study, endings), endings, orders.seed, orders.at_once, effects, orders.explore, orders.visits)
-    return Crowd(plan, lambda diary: told(line_of(diary)), pace, orders.speed)
+    return BotGroup(plan, lambda diary: told(line_of(diary)), pace, orders.speed)
 
 
 def bot_links(study: Study, endings: Sequence[Ending]) -> list[str]:

@@ -15,7 +15,7 @@ import pytest
 from robots.agent.media.pixels import video_frame
 from robots.agent.robot_interface import Adapter, AdapterError, RcaState
 from robots.api.messages import Config, Goto, Tilt, Velocity
-from tests.support.lateness import Lateness, pauses, watched
+from tests.support.host_jitter import HostJitter, pauses, watched
 from tests.support.patience import patient
 
 STILL = Velocity(linear=0.0, angular=0.0)
@@ -73,10 +73,10 @@ class AdapterConformance:
         return 0.0
 
     @pytest.fixture
-    def computer(self) -> Iterator[Lateness]:
+    def computer(self) -> Iterator[HostJitter]:
         """Bounds in seconds hold beyond what the computer itself is late."""
-        with watched() as lateness:
-            yield lateness
+        with watched() as jitter:
+            yield jitter
 
     @pytest.fixture
     async def adapter(self) -> AsyncIterator[Adapter]:
@@ -106,7 +106,7 @@ class AdapterConformance:
             await some(adapter.states(), 1)
         await adapter.close()
 
-    async def test_states_come_at_ten_hertz_and_more_stamped_now_and_in_order(self, adapter: Adapter, computer: Lateness) -> None:
+    async def test_states_come_at_ten_hertz_and_more_stamped_now_and_in_order(self, adapter: Adapter, computer: HostJitter) -> None:
         begun = time.time()
         states = await some(adapter.states(), 21)
         now = time.time()
@@ -135,7 +135,7 @@ class AdapterConformance:
         await drive(adapter, Velocity(linear=0.2, angular=0.0), lambda s: s.velocity.linear > 0.15)
         await drive(adapter, STILL, stands, 3.0)
 
-    async def test_silence_brakes_within_the_watchdog_and_the_braking_time(self, adapter: Adapter, computer: Lateness) -> None:
+    async def test_silence_brakes_within_the_watchdog_and_the_braking_time(self, adapter: Adapter, computer: HostJitter) -> None:
         limits = adapter.profile.limits
         await drive(adapter, Velocity(linear=0.2, angular=0.0), lambda s: s.velocity.linear > 0.15)
         adapter.apply(Velocity(linear=0.2, angular=0.0))
@@ -177,7 +177,7 @@ class AdapterConformance:
         with pytest.raises(AdapterError):
             await adapter.start(Tilt(action_id="far", stamp=0.0, angle=tilt.maximum + 1.0))
 
-    async def test_its_camera_gives_pictures_of_the_promised_size_in_order(self, adapter: Adapter, computer: Lateness) -> None:
+    async def test_its_camera_gives_pictures_of_the_promised_size_in_order(self, adapter: Adapter, computer: HostJitter) -> None:
         source, camera = adapter.video(), adapter.profile.camera
         assert (source is not None) == ("video" in adapter.profile.capabilities)
         if source is None or camera is None:

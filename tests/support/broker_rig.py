@@ -180,7 +180,7 @@ def subscribe_packet(packet_id, *filters):
     return framed(0x82, packet_id.to_bytes(2, "big") + b"".join(text(filter_) + bytes([qos]) for filter_, qos in filters))
 
 
-class Heard:
+class ReceivedPacket:
     """Collects what a client hears while the block runs."""
 
     def __init__(self, client):

@@ -17,7 +17,7 @@ from robots.api.docked import DOCKED, DockReading, DockState, follow
 from robots.api.geometry import Pose2D
 from robots.world.sites import load_plan
 from sessions import protocol
-from tests.support.newcomer import Keys, Mind
+from tests.support.first_time_user import Keys, Mind
 
 DT = 0.02
 START, RISE = 0.35, 0.9  # static/js/controllers/ramp.js
@@ -69,7 +69,7 @@ class Person:
         course = next(course for course in shipped()["exploration"].courses if course.robot == "giraff")
         stops = [{"number": stop.number, "x": stop.x, "y": stop.y} for stop in course.checkpoints]
         self.guide = Guide.of({"checkpoints": stops}, plan, "giraff")
-        self.mind = Mind(Driver(plan, self.guide, Speed(0.6, 0.6)))
+        self.node = Mind(Driver(plan, self.guide, Speed(0.6, 0.6)))
         self.sim = Simulation(GIRAFF, plan, seed=self.seed, start=self.start)
         self.sim.set_doors({door.name: "closed" if door.name in self.closed else "open" for door in plan.doors})
         self.cue, self.step, self.dock = "", "Normal", DockState()
@@ -105,7 +105,7 @@ class Person:
         gauss = self.rng.gauss
         view = View(pose=Pose2D(pose.x + gauss(0, metres), pose.y + gauss(0, metres), pose.theta + gauss(0, radians)), localized=True)
         view.task = self._task(passed)
-        intent, self.step = self.mind.decide(view, self.sim.time, bumped=bool(self.sim.touching - {"giraff-dock"}))
+        intent, self.step = self.node.decide(view, self.sim.time, bumped=bool(self.sim.touching - {"giraff-dock"}))
         keys.steer(intent.speed, self.step)
 
     def _task(self, passed: int) -> protocol.Task:

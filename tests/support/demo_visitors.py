@@ -43,8 +43,8 @@ class People:
     def close(self) -> None:
         for visitor in (self.ana, self.cy):
             visitor.context.close()
-        if self._site.clerk is not None:
-            self._site.clerk.close()
+        if self._site.django_shell is not None:
+            self._site.django_shell.close()
 
     # --- Ana ---
 

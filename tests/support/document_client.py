@@ -40,7 +40,7 @@ class DocumentClient:
         self.epoch = self.seq = self.beats = 0
         self.socket = self.echo = self.frame = self.state = None
         self.driving = self.online = False
-        self.moved = self.heard_at = self.hasty_until = self.asked_at = self.zero_until = 0.0
+        self.moved = self.last_received_at = self.hasty_until = self.asked_at = self.zero_until = 0.0
         self.state_seq = -1
         self.take_at = float("inf")
         self.heard, self.denied = Counter(), Counter()
@@ -77,13 +77,13 @@ class DocumentClient:
 
     async def _talk(self, socket):
         """Hear until the socket ends or says nothing for too long; an open one brings `server/status` once a second."""
-        self.socket, self.heard_at = socket, time.time()
+        self.socket, self.last_received_at = socket, time.time()
         await self._take()
         self._hurry()
         while True:
             async with asyncio.timeout(SILENCE):
                 frame = await socket.recv()
-            self.heard_at = time.time()
+            self.last_received_at = time.time()
             if isinstance(frame, bytes):
                 await self._picture(frame)
             else:

@@ -28,7 +28,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from robots.agent.media import MediaSide
-from robots.agent.media.webrtc.packet_gate import Heard
+from robots.agent.media.webrtc.packet_gate import ReceivedPacket
 from robots.agent.safety.kernel import Kernel
 from robots.agent.safety.permissions import Sender
 from robots.agent.simulator.physics.simulation import Simulation
@@ -304,10 +304,10 @@ class FakeRobotPage:
         self.answers.wait(10)
         self.do(lambda: peer in self._pages and self._pages[peer].say("signal/reply", message))
 
-    def _on_channel(self, peer: str, role: m.Role, heard: Heard) -> None:
+    def _on_channel(self, peer: str, role: m.Role, heard: ReceivedPacket) -> None:
         self.do(self._hear_channel, peer, role, heard)
 
-    def _hear_channel(self, peer: str, role: m.Role, message: Heard) -> None:
+    def _hear_channel(self, peer: str, role: m.Role, message: ReceivedPacket) -> None:
         if self.deaf_to_channel:
             return
         if isinstance(message, Rejection):

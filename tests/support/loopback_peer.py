@@ -10,7 +10,7 @@ from aiortc import RTCConfiguration, RTCDataChannel, RTCPeerConnection, RTCSessi
 from aiortc.mediastreams import MediaStreamError
 
 from robots.agent.media import MediaSide
-from robots.agent.media.webrtc.packet_gate import Heard
+from robots.agent.media.webrtc.packet_gate import ReceivedPacket
 from robots.api.codec import decode_frame
 from robots.api.messages import Answer, Bye, Offer, Role, SignalReply
 from tests.support.patience import patient
@@ -31,12 +31,12 @@ class Exchange:
 
     loop: asyncio.AbstractEventLoop
     replies: list[tuple[str, SignalReply]] = field(default_factory=list)
-    heard: list[tuple[str, Role, Heard]] = field(default_factory=list)
+    heard: list[tuple[str, Role, ReceivedPacket]] = field(default_factory=list)
 
     def reply(self, peer: str, message: SignalReply) -> None:
         self.loop.call_soon_threadsafe(self.replies.append, (peer, message))
 
-    def on_command(self, peer: str, role: Role, heard: Heard) -> None:
+    def on_command(self, peer: str, role: Role, heard: ReceivedPacket) -> None:
         self.loop.call_soon_threadsafe(self.heard.append, (peer, role, heard))
 
     def byes(self, peer: str) -> list[str]:

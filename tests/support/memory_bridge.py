@@ -5,7 +5,7 @@ import collections
 import time
 
 from robots.api import codec, picture, topics
-from robots.bridge.delivery import LINK, Delivery, OutboundMessage
+from robots.bridge.delivery import LINK, Delivery, ReceivedMessage
 
 
 class MemoryBridge:
@@ -62,7 +62,7 @@ class MemoryBridge:
         self.leases.append((robot, lease))
         return self.connected
 
-    def tell_session(self, news):
+    def publish_session(self, news):
         self.news.append(news)
         self.delivery.bring_news(news)
         return self.connected
@@ -86,11 +86,11 @@ class MemoryBridge:
     def lose_broker(self):
         self.connected = False
         self.delivery.lose_sight()
-        self.delivery.bring_everybody(OutboundMessage(LINK, False))
+        self.delivery.bring_everybody(ReceivedMessage(LINK, False))
 
     def find_broker(self):
         self.connected = True
-        self.delivery.bring_everybody(OutboundMessage(LINK, True))
+        self.delivery.bring_everybody(ReceivedMessage(LINK, True))
 
     def commands(self, suffix="command/velocity"):
         return [message for _, sent, message in self.sent if sent == suffix]

@@ -22,7 +22,7 @@ from robots.agent.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
 from robots.api import messages as m
 from sessions import protocol
 from sessions.consumers.authorization import Halt, Publish
-from sessions.consumers.screen_authorization import ScreenRoom
+from sessions.consumers.screen_authorization import ScreenAuthorization
 from tests.support.fake_robot_page import ROBOT, FakeRobotPage, _Page, _response
 from tests.support.synthetic_camera import SyntheticMicrophone
 
@@ -53,7 +53,7 @@ class PresentRobotPage(FakeRobotPage):
         self.asked: list[Any] = []
         self.is_study = False
         self._rendered: dict[str, str] = {}  # pages by language: there are a hundred requests a page
-        self._screens: dict[str, tuple[_Page, ScreenRoom]] = {}
+        self._screens: dict[str, tuple[_Page, ScreenAuthorization]] = {}
 
     @property
     def screen_url(self) -> str:
@@ -84,7 +84,7 @@ class PresentRobotPage(FakeRobotPage):
         if connection.request is None or urlsplit(connection.request.path).path != SCREEN:
             await super()._page(connection)
             return
-        room = ScreenRoom(f"screen{secrets.token_hex(4)}", "Giraff")
+        room = ScreenAuthorization(f"screen{secrets.token_hex(4)}", "Giraff")
         page = _Page(connection, room.peer, 0)
         self._screens[room.peer] = (page, room)
         page.say("hello", protocol.Hello(peer=room.peer, stamp=time.time(), robot=ROBOT, online=True, may_drive=False, may_observe=False))
@@ -96,7 +96,7 @@ class PresentRobotPage(FakeRobotPage):
             self._screens.pop(room.peer, None)
             self.media.signal(room.peer, m.Bye(reason="left"))
 
-    def _hear_screen(self, room: ScreenRoom, frame: str | bytes) -> None:
+    def _hear_screen(self, room: ScreenAuthorization, frame: str | bytes) -> None:
         for effect in room.receive(frame, None, time.monotonic()):
             if isinstance(effect, Halt):
                 self._command("command/action", effect.message, Sender("mqtt"), room.peer)

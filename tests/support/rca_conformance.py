@@ -19,7 +19,7 @@ from robots.agent.robot_interface import Adapter, AdapterError, RcaState
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Dock, Goto, Relocalize, Undock, Velocity
 from tests.support.adapter_conformance import AdapterConformance, drive, some, stands, wait_for
-from tests.support.lateness import Lateness
+from tests.support.host_jitter import HostJitter
 from tests.support.patience import patient
 from tests.support.rca_world import BEFORE_DOCK, RcaRig
 
@@ -149,7 +149,7 @@ class RcaConformance(AdapterConformance):
         assert stood.distance > 0.12
         assert here.pose.localized
 
-    async def test_its_scan_shows_the_walls(self, adapter: Adapter, computer: Lateness) -> None:
+    async def test_its_scan_shows_the_walls(self, adapter: Adapter, computer: HostJitter) -> None:
         if "scan" not in adapter.profile.capabilities:
             return
         await self.here(adapter)

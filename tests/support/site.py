@@ -23,8 +23,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from telepresence_site.serving import APPLICATION, DAPHNE
-from tests.support.clerk import DjangoShell
 from tests.support.collected import collected_files
+from tests.support.django_shell import DjangoShell
 from tests.support.paths import ROOT
 from tests.support.patience import patient
 from tests.support.truth import Onlooker
@@ -86,7 +86,7 @@ class Site:
     settings: dict[str, str] = field(default_factory=dict)
     processes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
     commands: dict[str, list[str]] = field(default_factory=dict)
-    clerk: DjangoShell | None = None
+    django_shell: DjangoShell | None = None
 
     @property
     def url(self) -> str:
@@ -124,8 +124,8 @@ class Site:
 
     def django(self, code: str) -> str:
         """Run Python with Django set up, and return what it prints."""
-        self.clerk = self.clerk or DjangoShell(ROOT, self.environment)
-        return self.clerk.ask(code)
+        self.django_shell = self.django_shell or DjangoShell(ROOT, self.environment)
+        return self.django_shell.ask(code)
 
     def rows(self, sql: str, *values: Any) -> list[tuple[Any, ...]]:
         with contextlib.closing(sqlite3.connect(self.var / DATABASE, timeout=20)) as connection:
@@ -203,9 +203,9 @@ class Site:
                 self.stop(name)
             except AssertionError as problem:
                 problems.append(str(problem))
-        if self.clerk is not None:
-            self.clerk.close()
-            self.clerk = None
+        if self.django_shell is not None:
+            self.django_shell.close()
+            self.django_shell = None
         assert not problems, problems
 
     def start_servers(self) -> None:

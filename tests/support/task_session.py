@@ -76,10 +76,10 @@ def say(runner: Runner, drive: Drive, record: Record, *, robot: str = "giraff", 
     """Have the runner hear a record at the moment it was received."""
     about = {"session": str(drive.session_id), "received_at": record.at, "clock_offset": AHEAD}
     if isinstance(record, Seen):
-        runner.hear_state(robot=robot, state=state_of(record, drive, moving=moving), **about)
+        runner.on_state(robot=robot, state=state_of(record, drive, moving=moving), **about)
     else:
         message = message_of(record)
-        runner.hear_message(robot="" if isinstance(message, PageEvent) else robot, message=message, **about)
+        runner.on_message(robot="" if isinstance(message, PageEvent) else robot, message=message, **about)
 
 
 def write(drive: Drive, records: list[Record], *, moving: bool = True, offset: float | None = AHEAD) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from robots.agent import framing
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.area import AreaError, area_of
-from robots.agent.autonomy.navigation_node import NavigationNode, OrderError
+from robots.agent.autonomy.navigation_node import ActionError, NavigationNode
 from robots.processes import interrupted_by_signals
 from robots.world.sensing import LaserScan
 
@@ -26,12 +26,12 @@ PIECE = 256 << 10
 class Conversation:
     """One mind and the control loop that it belongs to; `send` puts a message on the socket."""
 
-    def __init__(self, send: Callable[[wire.Word], None]) -> None:
+    def __init__(self, send: Callable[[wire.NodeMessage], None]) -> None:
         self._send = send
-        self._mind: NavigationNode | None = None
+        self._node: NavigationNode | None = None
         self._beams: LaserScan | None = None
 
-    def take(self, messages: Sequence[wire.ToMind]) -> None:
+    def take(self, messages: Sequence[wire.ToNode]) -> None:
         """Do what was said since the last time, in order; of several perceptions only the newest is worth a thought.
 
         Raises:
@@ -44,40 +44,40 @@ class Conversation:
                 self._beams = wire.beams_in(message.sweep) if message.sweep else self._beams
             else:
                 self._obey(message)
-        if newest is not None and self._mind is not None:
-            self._send(wire.Thinks(self._mind.think(wire.perceived(newest, self._beams))))
+        if newest is not None and self._node is not None:
+            self._send(wire.Thinks(self._node.think(wire.perceived(newest, self._beams))))
 
-    def _obey(self, message: wire.ToMind) -> None:
+    def _obey(self, message: wire.ToNode) -> None:
         match message:
             case wire.Settle():
                 self._send(wire.Settled(self._settle(message)))
-            case wire.Place(pose, spread, turn) if self._mind is not None:
-                self._mind.place(pose, spread, turn)
-            case wire.Order(number, _):
+            case wire.Place(pose, spread, turn) if self._node is not None:
+                self._node.place(pose, spread, turn)
+            case wire.BeginAction(number, _):
                 self._send(wire.Answer(number, self._begin(message)))
-            case wire.Drop(action_id) if self._mind is not None:
-                self._mind.cancel(action_id)
+            case wire.CancelAction(action_id) if self._node is not None:
+                self._node.cancel(action_id)
             case _:
                 log.warning("said_too_early message=%s", type(message).__name__)
 
     def _settle(self, message: wire.Settle) -> str:
         try:
-            self._mind = NavigationNode(area_of(message.area), message.body, np.random.default_rng(message.seed))
+            self._node = NavigationNode(area_of(message.area), message.body, np.random.default_rng(message.seed))
         except AreaError as error:
             return str(error) or type(error).__name__
         return ""
 
-    def _begin(self, order: wire.Order) -> str:
-        if self._mind is None:
+    def _begin(self, order: wire.BeginAction) -> str:
+        if self._node is None:
             return "no map"
         try:
-            self._mind.begin(order.action)
-        except OrderError as error:
+            self._node.begin(order.action)
+        except ActionError as error:
             return str(error) or type(error).__name__
         return ""
 
 
-def frames(buffer: bytearray) -> list[wire.ToMind]:
+def frames(buffer: bytearray) -> list[wire.ToNode]:
     """Take the whole messages off the beginning of a buffer.
 
     Raises:

@@ -22,10 +22,10 @@ THINKING = 0.1  # seconds between two thoughts
 class Headless:
     """Give it every moment; it answers with the velocity that its action wants, or that it makes of a driver's.
 
-    `news` gathers what became of actions, `thought` is the newest one, `path` what the robot follows.
+    `news` gathers what became of actions, `output` is the newest one, `path` what the robot follows.
     """
 
-    def __init__(self, body: Body, area: Area, rng: np.random.Generator, *, thinking: float = THINKING) -> None:
+    def __init__(self, body: Body, area: Area, rng: np.random.Generator, *, period: float = THINKING) -> None:
         """Read the map.
 
         Raises:
@@ -34,12 +34,12 @@ class Headless:
         self._laser = LaserSource(Laser(x=0.0))  # sweeps come with their mount
         self.monitor = CollisionMonitor(body.footprint, body.limits, [self._laser])
         self._told = ZERO
-        self.mind = NavigationNode(area, body, rng)
+        self.node = NavigationNode(area, body, rng)
         self.whereabouts = PoseExtrapolator()
         self.news: list[ActionProgress] = []
-        self.thought: NavigationOutput | None = None
+        self.output: NavigationOutput | None = None
         self.path: tuple[Point, ...] = ()
-        self._due = Cadence(thinking)
+        self._due = Cadence(period)
         self._moment: SensorSnapshot | None = None
 
     @property
@@ -50,7 +50,7 @@ class Headless:
 
     def place(self, pose: Pose2D) -> None:
         """Hear where the robot is."""
-        self.mind.place(pose)
+        self.node.place(pose)
 
     def begin(self, action: Action) -> None:
         """Begin a goto, follow, dock, undock or relocalize.
@@ -58,7 +58,7 @@ class Headless:
         Raises:
             OrderError: it cannot be done, with the reason.
         """
-        self.mind.begin(action)
+        self.node.begin(action)
 
     def step(self, moment: SensorSnapshot) -> Velocity:
         """Take a moment, its newest sweep included, and return what the running action wants, ZERO without one; 20 Hz or more."""
@@ -68,11 +68,11 @@ class Headless:
         if new and moment.beams is not None:
             self._laser.look(moment.beams, self.monitor.track, moment.stamp)
         if self._due.due(moment.stamp):
-            self.thought = self.mind.think(replace(moment, points=self.monitor.points()))
-            self.whereabouts.take(self.thought, moment.stamp)
-            self.news += self.thought.news
-            self.path = self.path if self.thought.path is None else self.thought.path
-        wanted = self.thought.wanted if self.thought else None
+            self.output = self.node.think(replace(moment, points=self.monitor.points()))
+            self.whereabouts.take(self.output, moment.stamp)
+            self.news += self.output.news
+            self.path = self.path if self.output.path is None else self.output.path
+        wanted = self.output.wanted if self.output else None
         if wanted is not None:
             self._told = wanted
         return wanted or ZERO

@@ -34,7 +34,7 @@ DOCK_DOUBT = 0.25  # metres from its dock at which a docked robot is told that i
 UNKNOWN_TURN = math.pi
 
 
-class OrderError(ValueError):
+class ActionError(ValueError):
     """What the robot was told to do cannot be begun, in one sentence."""
 
 
@@ -98,7 +98,7 @@ class NavigationNode:
         try:
             self._go(action)
         except NoWayError as error:
-            raise OrderError(str(error)) from error
+            raise ActionError(str(error)) from error
         self._end_driving("CANCELLED", "replaced")
         self._driving = _Running(action.action_id, self._now)
 
@@ -121,20 +121,20 @@ class NavigationNode:
             case Undock():
                 self.navigator.undock()
             case _:
-                raise OrderError(f"navigation cannot do {type(action).__name__.lower()}")
+                raise ActionError(f"navigation cannot do {type(action).__name__.lower()}")
 
     def _goal(self, action: Goto) -> tuple[float, float, float | None]:
         if action.place is not None:
             return self._named(action.place)
         if action.x is None or action.y is None:
-            raise OrderError("where to? a goal has x and y, or the name of a place")
+            raise ActionError("where to? a goal has x and y, or the name of a place")
         return action.x, action.y, action.theta
 
     def _named(self, name: str) -> tuple[float, float, float | None]:
         for place in self._area.plan.places if self._area.plan else ():
             if name.casefold() in {place.name.casefold(), place.title.casefold()}:
                 return place.x, place.y, place.theta
-        raise OrderError(f"no place is called {name!r} here")
+        raise ActionError(f"no place is called {name!r} here")
 
     def _relocalize(self, action: Relocalize) -> None:
         if action.x is None or action.y is None:
@@ -149,21 +149,21 @@ class NavigationNode:
 
     # --- thinking ------------------------------------------------------------------------------------------------------
 
-    def think(self, perception: SensorSnapshot) -> NavigationOutput:
+    def think(self, snapshot: SensorSnapshot) -> NavigationOutput:
         """Return what follows from one moment."""
-        self._now = perception.stamp
-        self._anchor(perception)
+        self._now = snapshot.stamp
+        self._anchor(snapshot)
         if isinstance(self.localizer, ReportedLocalizer):
-            self.localizer.report(perception.pose)
-        estimate = self.estimate = self.localizer.update(perception.stamp, perception.odometry, perception.beams)
+            self.localizer.report(snapshot.pose)
+        estimate = self.estimate = self.localizer.update(snapshot.stamp, snapshot.odometry, snapshot.beams)
         self._watch_search(estimate)
-        wanted = self._drive(estimate, perception)
+        wanted = self._drive(estimate, snapshot)
         path = None if self._path is self._told_path else self._path
         self._told_path = self._path
         news, self._news = tuple(self._news), []
         return NavigationOutput(
-            stamp=perception.stamp,
-            odometry=perception.odometry,
+            stamp=snapshot.stamp,
+            odometry=snapshot.odometry,
             pose=estimate.pose,
             covariance=estimate.covariance,
             score=float(estimate.score),
@@ -173,24 +173,24 @@ class NavigationNode:
             path=path,
         )
 
-    def _anchor(self, perception: SensorSnapshot) -> None:
+    def _anchor(self, snapshot: SensorSnapshot) -> None:
         """A robot that feels the contacts of its only dock knows where it is."""
-        came, self._had_contact = perception.charger_contact and not self._had_contact, perception.charger_contact
+        came, self._had_contact = snapshot.charger_contact and not self._had_contact, snapshot.charger_contact
         if not came or self._dock is None:
             return
         dock, estimate = Pose2D(self._dock.x, self._dock.y, self._dock.theta), self.estimate
         if estimate is None or not estimate.localized or estimate.pose.distance(dock) > DOCK_DOUBT:
             self.place(dock, DOCK_SPREAD, DOCK_TURN)
 
-    def _drive(self, estimate: Estimate, perception: SensorSnapshot) -> Velocity | None:
+    def _drive(self, estimate: Estimate, snapshot: SensorSnapshot) -> Velocity | None:
         step = self.navigator.step(
             estimate=estimate,
-            odometry=perception.odometry,
-            velocity=perception.velocity,
-            points=perception.points,
-            beams=perception.beams,
-            charger_contact=perception.charger_contact,
-            now=perception.stamp,
+            odometry=snapshot.odometry,
+            velocity=snapshot.velocity,
+            points=snapshot.points,
+            beams=snapshot.beams,
+            charger_contact=snapshot.charger_contact,
+            now=snapshot.stamp,
         )
         running = self._driving
         if running is None:

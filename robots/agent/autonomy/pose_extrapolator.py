@@ -13,24 +13,24 @@ class PoseExtrapolator:
     """The pose of a robot that thinks ten or twenty times a second and moves all the time."""
 
     def __init__(self) -> None:
-        self._thought: NavigationOutput | None = None
+        self._output: NavigationOutput | None = None
         self._map_from_odometry: Pose2D | None = None
         self._at = float("-inf")
 
-    def take(self, thought: NavigationOutput, now: float) -> None:
+    def take(self, output: NavigationOutput, now: float) -> None:
         """Take a thought; `now` is monotonic time in seconds."""
-        self._thought, self._at = thought, now
-        self._map_from_odometry = thought.pose.compose(thought.odometry.inverse())
+        self._output, self._at = output, now
+        self._map_from_odometry = output.pose.compose(output.odometry.inverse())
 
     @property
     def trusted(self) -> bool:
         """Tell whether the newest thought knew where the robot was."""
-        return self._thought is not None and self._thought.localized
+        return self._output is not None and self._output.localized
 
     @property
     def unheard(self) -> bool:
         """Tell whether there has been no thought yet."""
-        return self._thought is None
+        return self._output is None
 
     def place(self, odometry: Pose2D | None) -> Pose2D | None:
         """Return the pose in the map at an odometry pose, as well as it is known; None before the first thought."""
@@ -40,10 +40,10 @@ class PoseExtrapolator:
 
     def pose(self, odometry: Pose2D | None, now: float) -> Pose:
         """Return the same as a message; one that is lost, or that no thought confirms, says so."""
-        place, thought = self.place(odometry), self._thought
-        if place is None or thought is None:
+        place, output = self.place(odometry), self._output
+        if place is None or output is None:
             return NOWHERE
-        known = thought.localized and now - self._at <= STALE
-        xx, xy, xt, yy, yt, tt = (min(max(value, -LARGEST), LARGEST) for value in thought.covariance)
-        score = min(max(thought.score, 0.0), 1.0) if now - self._at <= STALE else 0.0
+        known = output.localized and now - self._at <= STALE
+        xx, xy, xt, yy, yt, tt = (min(max(value, -LARGEST), LARGEST) for value in output.covariance)
+        score = min(max(output.score, 0.0), 1.0) if now - self._at <= STALE else 0.0
         return Pose(x=place.x, y=place.y, theta=wrap_angle(place.theta), covariance=(xx, xy, xt, yy, yt, tt), localized=known, score=score)

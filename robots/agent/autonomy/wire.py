@@ -13,11 +13,11 @@ from robots.api.messages import Dock, FloorPlanUpdate, Follow, Goto, Pose, Reloc
 from robots.world.sensing import LaserScan
 
 
-class Word(Struct, frozen=True, tag=True, array_like=True):
+class NodeMessage(Struct, frozen=True, tag=True, array_like=True):
     """Base of every message on this wire."""
 
 
-class Settle(Word, frozen=True):
+class Settle(NodeMessage, frozen=True):
     """Begin to be the mind of this robot in this site; `seed` of everything random."""
 
     body: Body
@@ -25,7 +25,7 @@ class Settle(Word, frozen=True):
     seed: int
 
 
-class Place(Word, frozen=True):
+class Place(NodeMessage, frozen=True):
     """The robot is here, give or take metres and radians."""
 
     pose: Pose2D
@@ -33,14 +33,14 @@ class Place(Word, frozen=True):
     turn: float
 
 
-class Order(Word, frozen=True):
+class BeginAction(NodeMessage, frozen=True):
     """Begin an action; the answer has the same number."""
 
     number: int
     action: Goto | Follow | Dock | Undock | Relocalize
 
 
-class Drop(Word, frozen=True):
+class CancelAction(NodeMessage, frozen=True):
     """Cancel an action."""
 
     action_id: str
@@ -57,7 +57,7 @@ class Sweep(Struct, frozen=True, array_like=True):
     ranges: bytes
 
 
-class Perceive(Word, frozen=True):
+class Perceive(NodeMessage, frozen=True):
     """One moment; `sweep` only when it is a new one, `points` pairs of float32."""
 
     stamp: float
@@ -69,54 +69,54 @@ class Perceive(Word, frozen=True):
     pose: Pose | None = None
 
 
-class Token(Word, frozen=True):
+class Token(NodeMessage, frozen=True):
     """First word of a mind."""
 
     token: str
 
 
-class Settled(Word, frozen=True):
+class Settled(NodeMessage, frozen=True):
     """The mind thinks; or it cannot, and why."""
 
     problem: str = ""
 
 
-class Answer(Word, frozen=True):
+class Answer(NodeMessage, frozen=True):
     """An order is begun; or it cannot be, and why."""
 
     number: int
     problem: str = ""
 
 
-class Thinks(Word, frozen=True):
+class Thinks(NodeMessage, frozen=True):
     """What followed from the newest perception."""
 
-    thought: NavigationOutput
+    output: NavigationOutput
 
 
-ToMind = Settle | Place | Order | Drop | Perceive
-FromMind = Token | Settled | Answer | Thinks
+ToNode = Settle | Place | BeginAction | CancelAction | Perceive
+FromNode = Token | Settled | Answer | Thinks
 
-_to_mind: msgpack.Decoder[ToMind] = msgpack.Decoder(ToMind)
-_from_mind: msgpack.Decoder[FromMind] = msgpack.Decoder(FromMind)
+_to_node: msgpack.Decoder[ToNode] = msgpack.Decoder(ToNode)
+_from_node: msgpack.Decoder[FromNode] = msgpack.Decoder(FromNode)
 
 
-def unpack_order(body: bytes) -> ToMind:
+def unpack_order(body: bytes) -> ToNode:
     """Return what the control loop said.
 
     Raises:
         WireError: it is no message.
     """
-    return framing.unpack(_to_mind, body)
+    return framing.unpack(_to_node, body)
 
 
-def unpack_answer(body: bytes) -> FromMind:
+def unpack_answer(body: bytes) -> FromNode:
     """Return what a mind said.
 
     Raises:
         WireError: it is no message.
     """
-    return framing.unpack(_from_mind, body)
+    return framing.unpack(_from_node, body)
 
 
 def perceive(moment: SensorSnapshot, *, new: bool) -> Perceive:

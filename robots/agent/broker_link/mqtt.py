@@ -23,7 +23,7 @@ from paho.mqtt.reasoncodes import ReasonCode
 
 from robots.agent.backoff import Backoff
 from robots.agent.broker_link.broker_discovery import believed
-from robots.agent.broker_link.outbox import OutboundMessage, Outbox, letter
+from robots.agent.broker_link.outbox import OutboundMessage, Outbox, outbound
 from robots.api import codec, topics
 from robots.api.errors import Rejection
 from robots.api.messages import Connection, Factsheet
@@ -122,7 +122,7 @@ class MqttLink:
 
     def publish(self, suffix: str, payload: bytes) -> None:
         """Send, now or (what must not be lost) when the broker is back."""
-        self.outbox.put(letter(suffix, payload), connected=self.connected)
+        self.outbox.put(outbound(suffix, payload), connected=self.connected)
         self._wake.set()
 
     async def run(self, inbox: Inbox) -> None:

@@ -25,7 +25,7 @@ class OutboundMessage:
     retained: bool
 
 
-def letter(suffix: str, payload: bytes) -> OutboundMessage:
+def outbound(suffix: str, payload: bytes) -> OutboundMessage:
     """Return a letter as the topic table wants it sent.
 
     Raises:

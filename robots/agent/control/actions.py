@@ -83,7 +83,7 @@ class Actions:
         self._kernel, self._adapter, self._reports, self._out = kernel, adapter, reports, out
         self._snapshot, self._latch_changed, self._turn_wheels, self._spawn, self._times = snapshot, latch_changed, turn_wheels, spawn, times
         self._calls = calls
-        self._ledger = ActionHistory()
+        self._history = ActionHistory()
         self._refusals = Cadence(REFUSALS_ANSWERED)
         self._photos = 0
         self._waiting: Action | None = None  # to be begun when the robot stands
@@ -110,7 +110,7 @@ class Actions:
             self._stop(action, sender)
         elif isinstance(action, EStop):
             self._estop(action, sender)
-        elif (before := self._ledger.of(action.action_id)) is not None:
+        elif (before := self._history.of(action.action_id)) is not None:
             self._out.send("action", before)
         elif reason := self._kernel.permit(action, sender, now=self._times.now(), unix=self._times.unix()):
             log.info("action_refused type=%s reason=%s way=%s", kind_of(action), reason, sender.way)
@@ -121,7 +121,7 @@ class Actions:
 
     def progressed(self, progress: ActionProgress) -> None:
         """Take the adapter's news of an action."""
-        before = self._ledger.of(progress.action_id)
+        before = self._history.of(progress.action_id)
         kind = before.type if before else ""
         status = ActionStatus(
             action_id=progress.action_id,
@@ -159,7 +159,7 @@ class Actions:
                 return
 
     def _ended_by(self, action_id: str, reason: str) -> ActionStatus:
-        before = self._ledger.of(action_id)
+        before = self._history.of(action_id)
         return ActionStatus(action_id=action_id, status="CANCELLED", stamp=self._times.unix(), type=before.type if before else "", reason=reason)
 
     def _end(self, status: ActionStatus) -> None:
@@ -240,7 +240,7 @@ class Actions:
     def _clear_estop(self, action: ClearEStop) -> None:
         was = self._kernel.latch
         self._kernel.clear_estop(self._times.now())
-        self._ledger.record(self._status(action, "RUNNING"))
+        self._history.record(self._status(action, "RUNNING"))
         if was is not None:
             log.warning("estop_cleared by=%s:%s was=%r", action.role, action.user, was.label)
             self._reports.event("estop_cleared", action_id=action.action_id, detail=f"{action.role}:{action.user}")
@@ -257,7 +257,7 @@ class Actions:
                 self.cancelled(action_id, reason)
             self._say(self._status(action, "RUNNING"))
             self._final[action.action_id] = self._status(action, "FINISHED")
-        elif action.target is not None and self._ledger.runs(action.target):
+        elif action.target is not None and self._history.runs(action.target):
             self._say(self._ended_by(action.target, "cancelled"))
             self._spawn(self._cancel_at_adapter(action.target))
             self._say(self._status(action, "FINISHED"))
@@ -282,7 +282,7 @@ class Actions:
             self._say(self._status(action, "FAILED", str(error)))
             return
         # Stopped or cancelled while the RCA was still thinking about it.
-        if action.action_id in self._final or not self._ledger.runs(action.action_id):
+        if action.action_id in self._final or not self._history.runs(action.action_id):
             await self._cancel_at_adapter(action.action_id)
 
     def _photo(self, action: Photo) -> None:
@@ -357,7 +357,7 @@ class Actions:
         )
 
     def _say(self, status: ActionStatus) -> bool:
-        if not self._ledger.record(status):
+        if not self._history.record(status):
             return False
         self._out.send("action", status)
         return True

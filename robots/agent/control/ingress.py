@@ -9,7 +9,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable
 
-from robots.agent.media.webrtc.packet_gate import Command, Heard
+from robots.agent.media.webrtc.packet_gate import Command, ReceivedPacket
 from robots.agent.safety.permissions import MOVING
 from robots.api.errors import Rejection
 from robots.api.messages import CommandHeartbeat, EStop, PointCommand, Role, Stop, Velocity, VelocityCommand
@@ -28,7 +28,7 @@ class Ingress:
         self._rejected: Counter[str] = Counter()
         self._woken = False
 
-    def put(self, peer: str, role: Role, heard: Heard) -> None:
+    def put(self, peer: str, role: Role, heard: ReceivedPacket) -> None:
         """Take what a page has said, or count why it could not be read."""
         with self._lock:
             if isinstance(heard, Rejection):

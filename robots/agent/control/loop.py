@@ -17,7 +17,7 @@ from robots.agent.control.ingress import Ingress
 from robots.agent.control.publisher import Link, Media
 from robots.agent.control.supervised_adapter import AdapterLink
 from robots.agent.lab.in_force import CLEAN, Networks
-from robots.agent.media.webrtc.packet_gate import Heard
+from robots.agent.media.webrtc.packet_gate import ReceivedPacket
 from robots.agent.robot_interface import Adapter
 from robots.agent.safety.collision_monitor import monitor_of
 from robots.agent.safety.kernel import Kernel
@@ -73,7 +73,7 @@ class ControlLoop:
         self._times, self._networks = times or TimeSource(), networks
         self._thread = threading.Thread()
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._pilot: CommandDispatcher | None = None
+        self._dispatcher: CommandDispatcher | None = None
         self._closing = threading.Event()
         self._ready, self._ended = threading.Event(), threading.Event()
         self._beside: set[asyncio.Task[None]] = set()
@@ -87,7 +87,7 @@ class ControlLoop:
         self._thread.start()
         self._ready.wait()
 
-    def receive(self, peer: str, role: Role, heard: Heard) -> None:
+    def receive(self, peer: str, role: Role, heard: ReceivedPacket) -> None:
         """Take what came on a data channel. The lease says whether `peer` drives; `role` is what signalling makes of that."""
         self._ingress.put(peer, role, heard)
 
@@ -121,14 +121,14 @@ class ControlLoop:
         # What is done beside the loop (disks, pictures, a simulator that is started) has no business to go first.
         loop.set_default_executor(ThreadPoolExecutor(thread_name_prefix="beside", initializer=set_nice, initargs=(ORDINARY,)))
         parts = DispatcherParts(self.kernel, self._adapter, self._link, media, self._store, self._times, self._boot, self._networks, self._monitor)
-        pilot = self._pilot = CommandDispatcher(parts, self._spawn)
-        adapter = asyncio.create_task(self._adapter.run(pilot))
-        link = asyncio.create_task(self._link.run(pilot))
+        dispatcher = self._dispatcher = CommandDispatcher(parts, self._spawn)
+        adapter = asyncio.create_task(self._adapter.run(dispatcher))
+        link = asyncio.create_task(self._link.run(dispatcher))
         self._ready.set()
         try:
-            await self._until_closing(pilot, {adapter, link})
-            pilot.brake()
-            await self._until_standing(pilot)
+            await self._until_closing(dispatcher, {adapter, link})
+            dispatcher.brake()
+            await self._until_standing(dispatcher)
         finally:
             await cancel(adapter)
             await self._adapter.close()
@@ -148,7 +148,7 @@ class ControlLoop:
             self._ready.set()
             self._ended.set()
 
-    async def _until_closing(self, pilot: CommandDispatcher, vital: set[asyncio.Task[None]]) -> None:
+    async def _until_closing(self, dispatcher: CommandDispatcher, vital: set[asyncio.Task[None]]) -> None:
         """Tick at 50 Hz, and at the very moment of the deadman, until `close()` was called or one of `vital` fails."""
         next_tick = self._times.now()
         while not self._closing.is_set():
@@ -160,16 +160,16 @@ class ControlLoop:
                 log.warning("control_loop_late seconds=%.3f", now - next_tick)
             if now >= next_tick:
                 next_tick = max(next_tick + PERIOD, now)
-            pilot.tick()
-            wake = min(next_tick, pilot.deadline() or next_tick)
+            dispatcher.tick()
+            wake = min(next_tick, dispatcher.deadline() or next_tick)
             await asyncio.sleep(max(0.0, wake - self._times.now()))
 
-    async def _until_standing(self, pilot: CommandDispatcher) -> None:
+    async def _until_standing(self, dispatcher: CommandDispatcher) -> None:
         until = self._times.now() + BRAKING_TIME
-        while not pilot.stands and self._times.now() < until:
-            pilot.tick()
+        while not dispatcher.stands and self._times.now() < until:
+            dispatcher.tick()
             await asyncio.sleep(PERIOD)
-        pilot.reports.state()
+        dispatcher.reports.state()
 
     def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
         task = asyncio.get_running_loop().create_task(work)
@@ -192,13 +192,13 @@ class ControlLoop:
 
     def _hear(self) -> None:
         said, rejected = self._ingress.drain()
-        if self._pilot is not None:
-            self._pilot.heard(said, rejected)
+        if self._dispatcher is not None:
+            self._dispatcher.heard(said, rejected)
 
     def _send(self, suffix: str, message: Message) -> None:
-        if self._pilot is not None:
-            self._pilot.out.send(suffix, message)
+        if self._dispatcher is not None:
+            self._dispatcher.out.send(suffix, message)
 
     def _send_picture(self, payload: bytes, peer: str | None) -> None:
-        if self._pilot is not None:
-            self._pilot.out.picture(payload, peer)
+        if self._dispatcher is not None:
+            self._dispatcher.out.picture(payload, peer)

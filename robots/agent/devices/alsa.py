@@ -18,7 +18,7 @@ from typing import IO, Literal
 import numpy as np
 import numpy.typing as npt
 
-from robots.agent.devices.words import DeviceWords
+from robots.agent.devices.words import DeviceSetting
 from robots.agent.robot_interface import AdapterError
 
 log = logging.getLogger(__name__)
@@ -60,7 +60,7 @@ Program = Literal["arecord", "aplay"]
 class AlsaMicrophone:
     """See contract.AudioSource. Belongs to one thread."""
 
-    def __init__(self, words: DeviceWords) -> None:
+    def __init__(self, words: DeviceSetting) -> None:
         self._words = words
         self._child: _Child | None = None
         self._recorded = bytearray()
@@ -105,7 +105,7 @@ class AlsaMicrophone:
 class AlsaLoudspeaker:
     """See contract.Speaker. Belongs to one thread."""
 
-    def __init__(self, words: DeviceWords) -> None:
+    def __init__(self, words: DeviceSetting) -> None:
         self._words = words
         self._child: _Child | None = None
 

@@ -9,7 +9,7 @@ from av.video.reformatter import ColorRange, VideoReformatter
 
 from robots.agent.devices.newest import Newest
 from robots.agent.devices.reader import Reader
-from robots.agent.devices.words import DeviceWords
+from robots.agent.devices.words import DeviceSetting
 from robots.agent.robot_interface import Frame
 
 LARGEST = (1280, 960)  # pixels: more is scaled down at once, because no stream of ours is larger
@@ -18,7 +18,7 @@ LARGEST = (1280, 960)  # pixels: more is scaled down at once, because no stream 
 class DeviceCamera:
     """See contract.VideoSource. Of pictures that nobody fetched the newest counts."""
 
-    def __init__(self, words: DeviceWords) -> None:
+    def __init__(self, words: DeviceSetting) -> None:
         self._reader = Reader("camera", words, "video", self._take)
         self._newest: Newest[tuple[Any, float]] = Newest()
         self._reformatter = VideoReformatter()

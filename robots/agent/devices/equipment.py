@@ -40,16 +40,16 @@ def equipment_of(adapter: Adapter, config: AgentConfig) -> Equipment:
     )
 
 
-def _microphone(named: words.DeviceWords) -> AudioSource:
+def _microphone(named: words.DeviceSetting) -> AudioSource:
     return AlsaMicrophone(named) if named.format == words.ALSA else DeviceMicrophone(named)
 
 
-def _device(said: str, kind: words.Kind, make: Callable[[words.DeviceWords], Device], otherwise: Callable[[], Device | None]) -> Device | None:
+def _device(said: str, kind: words.Kind, make: Callable[[words.DeviceSetting], Device], otherwise: Callable[[], Device | None]) -> Device | None:
     """Return the named device; the architecture's when none is named, and none at all for `none`."""
     if not said:
         return otherwise()
     try:
         named = words.read(said, kind)
-    except words.DeviceWordsError as error:
+    except words.DeviceSettingError as error:
         raise ConfigError(str(error)) from error
     return make(named) if named is not None else None

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robots.agent.devices.reader import Reader
-from robots.agent.devices.words import DeviceWords
+from robots.agent.devices.words import DeviceSetting
 
 RATE, BLOCK = 48_000, 960  # samples a second, and in 20 ms
 WAITING = 10  # blocks that wait for whoever fetches them: 0.2 s, then the oldest go
@@ -18,7 +18,7 @@ WAITING = 10  # blocks that wait for whoever fetches them: 0.2 s, then the oldes
 class DeviceMicrophone:
     """See contract.AudioSource."""
 
-    def __init__(self, words: DeviceWords) -> None:
+    def __init__(self, words: DeviceSetting) -> None:
         self._reader = Reader("microphone", words, "audio", self._take)
         self._news = threading.Condition()
         self._blocks: deque[npt.NDArray[np.int16]] = deque(maxlen=WAITING)

@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 import av
 
-from robots.agent.devices.words import DeviceWords
+from robots.agent.devices.words import DeviceSetting
 from robots.agent.robot_interface import AdapterError
 
 log = logging.getLogger(__name__)
@@ -73,7 +73,7 @@ class Reader:
         limits: how long it may take.
     """
 
-    def __init__(self, name: str, words: DeviceWords, kind: Literal["video", "audio"], take: Take, limits: ReaderLimits = LIMITS) -> None:
+    def __init__(self, name: str, words: DeviceSetting, kind: Literal["video", "audio"], take: Take, limits: ReaderLimits = LIMITS) -> None:
         self.name, self.words, self.kind, self.limits = name, words, kind, limits
         self._take = take
         self._run: _Run | None = None

@@ -32,12 +32,12 @@ DEFAULTS: dict[str, dict[str, str]] = {
 }
 
 
-class DeviceWordsError(ValueError):
+class DeviceSettingError(ValueError):
     """No device is named like this; the message is one sentence for the robot's owner."""
 
 
 @dataclass(frozen=True)
-class DeviceWords:
+class DeviceSetting:
     """One device. `format` is FFmpeg's, empty where the address tells it; `live` is what gives its own pace and cannot be begun anew."""
 
     address: str
@@ -54,7 +54,7 @@ class DeviceWords:
         return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}"
 
 
-def read(words: str, kind: Kind) -> DeviceWords | None:
+def read(words: str, kind: Kind) -> DeviceSetting | None:
     """Return the device that `words` name, None for an empty word and for `none`.
 
     Raises:
@@ -69,17 +69,17 @@ def read(words: str, kind: Kind) -> DeviceWords | None:
     if not form and rest.startswith("/dev/video"):
         form = "v4l2"
     if not address:
-        raise DeviceWordsError(f"the {kind} {words!r} has no address after {form}:")
+        raise DeviceSettingError(f"the {kind} {words!r} has no address after {form}:")
     if kind == "loudspeaker" and form != ALSA:
-        raise DeviceWordsError(f"the loudspeaker {words!r} is none: alsa:default, or another device of alsa")
+        raise DeviceSettingError(f"the loudspeaker {words!r} is none: alsa:default, or another device of alsa")
     if kind == "camera" and form in SOUND:
-        raise DeviceWordsError(f"the camera {words!r} is none: {form} has sound alone")
+        raise DeviceSettingError(f"the camera {words!r} is none: {form} has sound alone")
     if form == ALSA and options:
-        raise DeviceWordsError(f"the {kind} {words!r} takes no {', '.join(sorted(options))}: rate and channels are converted as they must be")
+        raise DeviceSettingError(f"the {kind} {words!r} takes no {', '.join(sorted(options))}: rate and channels are converted as they must be")
     found = SCHEME.match(address)
     live = form in DEVICES or (not form and found is not None)
     usual = DEFAULTS.get(form or (found.group(1).lower().rstrip("s") if found else ""), {}) if kind == "camera" else {}
-    return DeviceWords(address, form, {**usual, **options}, live)
+    return DeviceSetting(address, form, {**usual, **options}, live)
 
 
 def _options(words: str) -> tuple[str, dict[str, str]]:

@@ -87,7 +87,7 @@ class Localizer:
 
     def forget(self) -> None:
         """Know nothing about the pose any more: the next sweep starts a search of the whole map."""
-        self.cloud: ParticleSet | None = None
+        self.particles: ParticleSet | None = None
         self.believed: Cluster | None = None
         self.confidence = self.fit = 0.0
         self.judged = Agreement(np.zeros(1), np.zeros(1), np.zeros(1))
@@ -107,8 +107,8 @@ class Localizer:
         self.forget()
         self.confidence = self.fit = self.settings.scoring.lost  # whoever says so is believed until the laser disagrees
         start = np.array([self.field.world_from_field.inverse().compose(pose)])
-        self.cloud = evenly(around(start, np.array([self.settings.sampling.most]), spread, turn, self.rng))
-        self.believed = heaviest(self.cloud, 3.0 * spread + 0.1, math.pi)
+        self.particles = evenly(around(start, np.array([self.settings.sampling.most]), spread, turn, self.rng))
+        self.believed = heaviest(self.particles, 3.0 * spread + 0.1, math.pi)
         self._weighed_from = self.track.newest()
 
     def update(self, stamp: float, odometry: Pose2D, beams: LaserScan | None) -> Estimate:
@@ -135,7 +135,7 @@ class Localizer:
             return
         there = self.track.at(stamp)
         step = self._weighed_from.inverse().compose(there)
-        if self.cloud is None:
+        if self.particles is None:
             self._weighed_from = there
         elif math.hypot(step.x, step.y) >= self.settings.way or abs(step.theta) >= self.settings.turn:
             self._stood = 0
@@ -161,16 +161,16 @@ class Localizer:
             self._judge(np.array([pose]), sweep, stamp)
 
     def _weigh(self, sweep: Sweep, there: Pose2D, stamp: float) -> None:
-        assert self.cloud is not None
+        assert self.particles is not None
         step, self._weighed_from = self._weighed_from.inverse().compose(there), there
         self._proven += way_of(step)
-        poses = move(self.cloud.poses, step, self.settings.motion, self.rng)
+        poses = move(self.particles.poses, step, self.settings.motion, self.rng)
         evidence = self._telling() * self._evidence(poses, sweep)
-        cloud = ParticleSet(poses, self.cloud.weights).weighed(evidence - 5.0 * ~self.field.is_free(poses[:, 0], poses[:, 1]))
-        self.believed = self._match(cloud, sweep)
+        particles = ParticleSet(poses, self.particles.weights).weighed(evidence - 5.0 * ~self.field.is_free(poses[:, 0], poses[:, 1]))
+        self.believed = self._match(particles, sweep)
         self._judge(self.believed.mean[None], sweep, stamp)
         self._contested = self.believed.share < self.settings.clear
-        self.cloud = cloud.drawn(self.settings.sampling, self.rng) if cloud.is_worn() else cloud
+        self.particles = particles.drawn(self.settings.sampling, self.rng) if particles.is_depleted() else particles
 
     def _evidence(self, poses: Floats, sweep: Sweep) -> Floats:
         """Return (n,) what a sweep says for each of poses (n, 3), on a logarithmic scale.
@@ -186,9 +186,9 @@ class Localizer:
         judged = agreement(self.field, self.settings.sensor, poses[best], sweep.thinned(self.settings.beams))
         return fits + (self.settings.sensor.worth * judged.against_others - fits[best])[owner]
 
-    def _match(self, cloud: ParticleSet, sweep: Sweep) -> Cluster:
+    def _match(self, particles: ParticleSet, sweep: Sweep) -> Cluster:
         """Return the heaviest cluster, its mean moved onto the map if it fits better there."""
-        cluster = heaviest(cloud, self.settings.cluster, self.settings.cluster_turn)
+        cluster = heaviest(particles, self.settings.cluster, self.settings.cluster_turn)
         prior = np.asarray(np.linalg.inv(cluster.covariance + FLOOR), dtype=np.float64) / self._telling()
         start = cluster.mean[None]
         matched = refine(self.field, start, sweep.thinned(self.settings.matched).points, prior, self.settings.matching)
@@ -228,26 +228,26 @@ class Localizer:
         poses = move(found.poses[good], step, still, self.rng)
         stay = (
             0.0
-            if self.cloud is None
+            if self.particles is None
             else math.exp(self.settings.sensor.worth * (float(self.judged.against_others[0]) - float(found.merit[0])) + STAYING)
         )
         share = np.exp(self.settings.sensor.worth * (found.merit[good] - found.merit[0]))
         each = np.full(len(poses), max(self.settings.sampling.fewest // len(poses), 50))
         self.fit = max(self.fit, self.settings.scoring.lost)
         self._proven, self._stood = math.inf if len(poses) == 1 else 0.0, 0
-        guesses = around(poses, each, 0.08, math.radians(2.5), self.rng)
+        hypotheses = around(poses, each, 0.08, math.radians(2.5), self.rng)
         weights = np.repeat(share / each, each)
-        if self.cloud is not None:
-            guesses = np.vstack([self.cloud.poses, guesses])
-            weights = np.concatenate([self.cloud.weights * stay, weights])
-        self.cloud = ParticleSet(guesses, weights / weights.sum())
+        if self.particles is not None:
+            hypotheses = np.vstack([self.particles.poses, hypotheses])
+            weights = np.concatenate([self.particles.weights * stay, weights])
+        self.particles = ParticleSet(hypotheses, weights / weights.sum())
         self._contested = True
 
     def _open_up(self) -> None:
         """Allow for what may have happened while the wheels' counters were away."""
-        if self.cloud is not None:
-            spread = self.rng.standard_normal(self.cloud.poses.shape) * (0.15, 0.15, math.radians(8.0))
-            self.cloud = ParticleSet(self.cloud.poses + spread, self.cloud.weights)
+        if self.particles is not None:
+            spread = self.rng.standard_normal(self.particles.poses.shape) * (0.15, 0.15, math.radians(8.0))
+            self.particles = ParticleSet(self.particles.poses + spread, self.particles.weights)
 
     def _estimate(self, stamp: float, here: Pose2D) -> Estimate:
         if self.believed is None:

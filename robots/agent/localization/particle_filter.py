@@ -37,7 +37,7 @@ class ParticleSet:
         weights = self.weights * np.exp(log_likelihoods - log_likelihoods.max())
         return ParticleSet(self.poses, weights / weights.sum())
 
-    def is_worn(self) -> bool:
+    def is_depleted(self) -> bool:
         """Tell whether so few guesses carry the weight that it is time to draw anew."""
         return bool(1.0 / (self.weights**2).sum() < 0.5 * len(self.weights))
 
@@ -103,20 +103,20 @@ def places(poses: Floats, fits: Floats, reach: float, turn: float) -> tuple[npt.
     return owner, np.array(best, dtype=np.intp)
 
 
-def heaviest(cloud: ParticleSet, reach: float, turn: float) -> Cluster:
+def heaviest(particles: ParticleSet, reach: float, turn: float) -> Cluster:
     """Return the cluster with the most weight: all within `reach` metres and `turn` radians of where the guesses are densest."""
-    owner = groups(cloud.poses, reach, turn)
-    centre = moments(cloud, owner == np.argmax(np.bincount(owner, cloud.weights)))
+    owner = groups(particles.poses, reach, turn)
+    centre = moments(particles, owner == np.argmax(np.bincount(owner, particles.weights)))
     for _ in range(2):
-        offset = cloud.poses - centre.mean
+        offset = particles.poses - centre.mean
         near = (np.hypot(offset[:, 0], offset[:, 1]) < reach) & (np.abs(wrapped(offset[:, 2])) < turn)
-        centre = moments(cloud, near) if near.any() else centre
+        centre = moments(particles, near) if near.any() else centre
     return centre
 
 
-def moments(cloud: ParticleSet, chosen: npt.NDArray[np.bool_]) -> Cluster:
+def moments(particles: ParticleSet, chosen: npt.NDArray[np.bool_]) -> Cluster:
     """Return mean and covariance of the chosen guesses, at least one; headings are averaged on the circle."""
-    poses, weights = cloud.poses[chosen], cloud.weights[chosen]
+    poses, weights = particles.poses[chosen], particles.weights[chosen]
     share = float(weights.sum())
     weights = weights / share if share > 0.0 else np.full(len(weights), 1.0 / len(weights))
     heading = math.atan2(float(weights @ np.sin(poses[:, 2])), float(weights @ np.cos(poses[:, 2])))

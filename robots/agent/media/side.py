@@ -27,7 +27,7 @@ from robots.agent.media.peers.connections import Connections
 from robots.agent.media.peers.viewer import Viewer
 from robots.agent.media.peers.visitor import VisitorMedia
 from robots.agent.media.webrtc import aiortc_hooks
-from robots.agent.media.webrtc.packet_gate import Heard
+from robots.agent.media.webrtc.packet_gate import ReceivedPacket
 from robots.agent.media.webrtc.relays import Relays
 from robots.agent.media.webrtc.rtp import RtpClock
 from robots.agent.media.webrtc.sdp import Kind
@@ -65,7 +65,7 @@ class MediaSide:
         video: VideoSource | FromPage | None,
         audio: AudioSource | FromPage | None,
         viewers: int,
-        on_command: Callable[[str, Role, Heard], None],
+        on_command: Callable[[str, Role, ReceivedPacket], None],
         reply: Callable[[str, SignalReply], None],
         on_picture: Callable[[bytes, str | None], None] | None = None,
         outputs: Outputs = (None, None),

@@ -11,16 +11,16 @@ import numpy as np
 
 from robots.agent.navigation.assistance.braking import BrakeCheck, Hazards
 from robots.agent.navigation.docking.approach import Docking, Undocking
-from robots.agent.navigation.obstacles.dynamic import Passers
-from robots.agent.navigation.obstacles.local_map import Surroundings, moved
+from robots.agent.navigation.obstacles.dynamic import LostObstacles
+from robots.agent.navigation.obstacles.local_map import LocalObstacleMap, moved
 from robots.agent.navigation.obstacles.memory import sees
 from robots.agent.navigation.planning.costmap import CostMap, NoWayError
 from robots.agent.navigation.planning.journey import Journey
 from robots.agent.navigation.planning.path import resampled
 from robots.agent.navigation.planning.planner import Planner
 from robots.agent.navigation.planning.steps import Sense, Step, failed
+from robots.agent.navigation.pose_buffer import PoseBuffer
 from robots.agent.navigation.wheels import WheelWatch
-from robots.agent.navigation.whereabouts import Whereabouts
 from robots.agent.safety.ramp import ZERO
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D
@@ -51,15 +51,15 @@ class Navigator:
         self.plan, self.limits, self.series = plan, limits, series
         self._costmap = CostMap(grid, np.asarray(footprint, dtype=np.float64))
         self._planner = Planner(self._costmap)
-        self._surroundings = Surroundings(self._costmap, plan)
+        self._obstacle_map = LocalObstacleMap(self._costmap, plan)
         self._check = BrakeCheck(self._costmap.footprint, limits)
-        self._whereabouts = Whereabouts()
+        self._pose_buffer = PoseBuffer()
         self._wheels = WheelWatch()
         self._task: Journey | Docking | Undocking | None = None
         self._then: Journey | None = None
         self._beams: LaserScan | None = None
         self._walkers: Floats = np.zeros((0, 2))
-        self._passers = Passers()
+        self._lost_obstacles = LostObstacles()
         self._last = Step(None, "FINISHED")
         self._asked = ZERO
         self._now = 0.0
@@ -74,7 +74,7 @@ class Navigator:
     @property
     def closed_doors(self) -> tuple[str, ...]:
         """The names of the doors that were seen closed."""
-        return tuple(door.name for door in self._surroundings.doors.closed(self._now))
+        return tuple(door.name for door in self._obstacle_map.doors.closed(self._now))
 
     # --- tasks --------------------------------------------------------------------------------------------------------
 
@@ -136,7 +136,7 @@ class Navigator:
 
     def forget(self) -> None:
         """Forget what was seen that is not on the map: the robot has been carried away, or was given another pose."""
-        self._surroundings.forget()
+        self._obstacle_map.forget()
 
     # --- steps --------------------------------------------------------------------------------------------------------
 
@@ -155,7 +155,7 @@ class Navigator:
             now: seconds.
         """
         self._now = now
-        self._whereabouts.take(now, odometry, estimate)
+        self._pose_buffer.take(now, odometry, estimate)
         if beams is not None and (self._beams is None or beams.stamp > self._beams.stamp):
             self._beams = beams
             self._look(beams, now, localized=estimate.localized)
@@ -170,7 +170,7 @@ class Navigator:
         self._wheels = WheelWatch()
 
     def _journey(self, over: list[tuple[float, float]], heading: float | None) -> Journey:
-        return Journey(self._surroundings, self._planner, self._check, self.limits, self.plan, over=over, heading=heading)
+        return Journey(self._obstacle_map, self._planner, self._check, self.limits, self.plan, over=over, heading=heading)
 
     def _approach(self, pose: Pose2D) -> Journey:
         return self._journey([self._planner.goal(pose.x, pose.y)], pose.theta)
@@ -211,25 +211,25 @@ class Navigator:
         assert self._beams is not None
         if charger_contact and isinstance(self._task, Journey) and self._then is None:
             self._then, self._task = self._task, self._undocking(about=False)  # the journey turns as its way asks for
-        pose, beams_from = self._whereabouts.pose(), self._whereabouts.odometry_at(self._beams.stamp)
+        pose, beams_from = self._pose_buffer.pose(), self._pose_buffer.odometry_at(self._beams.stamp)
         hazards = self._hazards(odometry, beams_from, points, now)
         return self._task.step(Sense(now, pose, odometry, velocity, hazards, self._beams, beams_from, charger_contact))
 
     def _hazards(self, odometry: Pose2D, beams_from: Pose2D, points: Floats, now: float) -> Hazards:
         assert self._beams is not None
-        strange = self._surroundings.strange(self._whereabouts.pose(), points, now)
-        hidden = self._passers.out_of_sight(now, odometry, self._beams)
+        strange = self._obstacle_map.strange(self._pose_buffer.pose(), points, now)
+        hidden = self._lost_obstacles.out_of_sight(now, odometry, self._beams)
         return Hazards(points[~strange], points[strange], np.vstack([moved(self._walkers, beams_from, odometry), hidden]))
 
     def _look(self, beams: LaserScan, now: float, *, localized: bool) -> None:
         """Note what a new sweep shows, and who in it may be walking."""
-        odometry = self._whereabouts.odometry_at(beams.stamp)
-        robot = self._whereabouts.on_map(odometry)
+        odometry = self._pose_buffer.odometry_at(beams.stamp)
+        robot = self._pose_buffer.on_map(odometry)
         if localized:
-            self._surroundings.look(robot, beams, now)
-        strangers = beams.points()[self._surroundings.strange(robot, beams.points(), now)]
-        self._walkers = strangers[~self._surroundings.settled(robot, strangers, now)]
-        self._passers.take(beams.stamp, odometry, self._walkers)
+            self._obstacle_map.look(robot, beams, now)
+        strangers = beams.points()[self._obstacle_map.strange(robot, beams.points(), now)]
+        self._walkers = strangers[~self._obstacle_map.settled(robot, strangers, now)]
+        self._lost_obstacles.take(beams.stamp, odometry, self._walkers)
 
     def _take(self, step: Step) -> Step:
         """Note how a step ended; what comes after an undocking is begun."""

@@ -70,7 +70,7 @@ class CollisionMonitor:
             now: monotonic time in seconds.
         """
         points, errors = self._about(self._assist.reach)
-        lost = {source.loss for source in self._sources if not now - source.heard_at() <= source.silence}
+        lost = {source.loss for source in self._sources if not now - source.last_received_at() <= source.silence}
         silence = math.inf if "stand" in lost else 0.0
         slower = self._crept(wanted, everywhere="creep" in lost or self._is_vague())
         found = self._assist.shape(slower, told, points, level, errors=errors, silence=silence, dock=self.dock)

@@ -22,10 +22,10 @@ class Hold:
     grant: tuple[str, int] | None
     way: Way | None
     since: float
-    heard_at: float = field(init=False)
+    last_received_at: float = field(init=False)
 
     def __post_init__(self) -> None:
-        self.heard_at = self.since
+        self.last_received_at = self.since
 
     def is_released_with(self, grant: tuple[str, int]) -> bool:
         """Take a newly granted lease, and tell whether it is that of another driver: then nobody holds a key any more."""
@@ -44,7 +44,7 @@ class Hold:
         """Take a heartbeat of the driver, and tell whether it ends a silence that was long enough."""
         if self.way not in {None, way}:
             return False
-        if now - self.heard_at > HEARTBEAT_GAP:
+        if now - self.last_received_at > HEARTBEAT_GAP:
             self.since = now
-        self.heard_at = now
+        self.last_received_at = now
         return now - self.since >= QUIET_RELEASES

@@ -50,7 +50,7 @@ class ObstacleSource(Protocol):
     def sense(self, reading: RcaState, track: Track, now: float) -> None:
         """Take what is new in a reading; `track` tells where the robot was at its stamps."""
 
-    def heard_at(self) -> float:
+    def last_received_at(self) -> float:
         """Return when it said something last; of several sensors, the one that has been silent for longest."""
 
     def about(self, here: Pose2D, radius: float) -> tuple[Floats, Floats]:
@@ -72,7 +72,7 @@ class LaserSource:
     tells: Tells = "place"
 
     def __init__(self, laser: Laser, settings: MemorySettings | None = None) -> None:
-        self._heard_at = -math.inf
+        self._last_received_at = -math.inf
         self._laser = laser
         self._memory = RollingObstacleMap(settings)
 
@@ -86,11 +86,11 @@ class LaserSource:
         before = self._memory.seen
         self._memory.update(track.at(beams.stamp), beams)
         if self._memory.seen != before:
-            self._heard_at = now
+            self._last_received_at = now
 
-    def heard_at(self) -> float:
+    def last_received_at(self) -> float:
         """Return when a sweep came last."""
-        return self._heard_at
+        return self._last_received_at
 
     def about(self, here: Pose2D, radius: float) -> tuple[Floats, Floats]:
         """Return what was seen lately, and what edges hide."""
@@ -163,7 +163,7 @@ class SonarSource:
                 self._heard[echo.sonar] = now
                 self._take(self._sonars[echo.sonar], echo.distance, track.at(echo.stamp))
 
-    def heard_at(self) -> float:
+    def last_received_at(self) -> float:
         """Return when the sensor that has been silent for longest was heard."""
         return min(self._heard)
 
@@ -223,7 +223,7 @@ class BumperSource:
 
     def __init__(self, shape: Hull) -> None:
         self._shape = shape
-        self._heard_at = self._now = -math.inf
+        self._last_received_at = self._now = -math.inf
         self._felt: deque[tuple[float, Floats]] = deque(maxlen=64)
         self._pressed: tuple[float, ...] = ()
 
@@ -232,15 +232,15 @@ class BumperSource:
         self._now = now
         if reading.bumper is None:
             return
-        self._heard_at = now
+        self._last_received_at = now
         before, self._pressed = self._pressed, reading.bumper
         if reading.bumper != before:
             points = [self._edge(bearing) for bearing in (*before, *reading.bumper)]
             self._felt.append((now, out_of(track.at(reading.stamp), np.concatenate([NO_POINTS, *points]))))
 
-    def heard_at(self) -> float:
+    def last_received_at(self) -> float:
         """Return when it was last known what is touched."""
-        return self._heard_at
+        return self._last_received_at
 
     def about(self, here: Pose2D, radius: float) -> tuple[Floats, Floats]:
         """Return what was touched lately."""

@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from experiments.definition.shipped import shipped
-from tests.support.newcomer import Finger, Keys, Newcomer
+from tests.support.first_time_user import Finger, FirstTimeUser, Keys
 from tests.support.site import Site, running_site, wait_for
 
 pytestmark = pytest.mark.browser
@@ -116,7 +116,7 @@ def test_a_newcomer_goes_from_the_link_to_the_thanks_and_comes_again(site, visit
     assert answer_all(page) > 5
     read_instructions(page)
     take_the_robot(nora)
-    cues = Newcomer(page, hands_for(page, size)).drive(within=420)
+    cues = FirstTimeUser(page, hands_for(page, size)).drive(within=420)
     assert cues[0] == "leave_station", cues
     assert cues[-1] == "completed", cues
     assert {"go_to_checkpoint", "photo_ready", "photo_review", "return_home", "dock_now"} <= set(cues), cues

@@ -64,7 +64,7 @@ def looks(keeper: Scheduler, *seconds: float) -> list[tuple[str, str]]:
     for second in seconds:
         for session in Session.objects.filter(state="waiting"):
             store.seen({str(session.pk)}, later(second))
-        keeper.look({"giraff": Link(since=0.0, heard_at=later(second).timestamp())}, Link(since=0.0), later(second))
+        keeper.look({"giraff": Link(since=0.0, last_received_at=later(second).timestamp())}, Link(since=0.0), later(second))
     told = [msgspec.json.decode(letter.payload) for letter in keeper.outbox if "session" in letter.topic]
     keeper.outbox.clear()
     return [(one["type"], one.get("text", "")) for one in told]
@@ -78,7 +78,7 @@ def noted(session: str) -> list[str]:
     )
 
 
-def newcomer(study: Any, name: str) -> User:
+def first_time_user(study: Any, name: str) -> User:
     user = User.objects.create(username=name)
     p.comer(study, user)
     return user
@@ -96,7 +96,7 @@ def newcomer(study: Any, name: str) -> User:
 )
 def test_a_participant_waits_and_is_told_why(robot, study, changes, reason):
     stands(robot, **changes)
-    taken = ask(robot, newcomer(study, "ada"), NOW)
+    taken = ask(robot, first_time_user(study, "ada"), NOW)
     assert isinstance(taken, store.Queued)
     assert (taken.place, taken.reason) == (1, f"start: {reason}")
     assert not Drive.objects.exists()
@@ -106,7 +106,7 @@ def test_the_second_participant_does_not_begin_where_the_first_ended_whoever_res
     first = begin(robot, "ada", study)
     stands_away(robot)
     store.end(str(first.session_id), "cancelled", "left", NOW)
-    ben = newcomer(study, "ben")
+    ben = first_time_user(study, "ben")
     taken = ask(robot, ben, NOW)
     assert isinstance(taken, store.Queued)
 
@@ -135,7 +135,7 @@ def test_the_same_happens_a_second_time(robot, study):
     for number, name in enumerate(("ada", "ben", "eve")):
         at = later(1000.0 * number)
         stands_away(robot)
-        user = newcomer(study, name)
+        user = first_time_user(study, name)
         assert isinstance(ask(robot, user, at), store.Queued)
         looks(Scheduler(), 1000.0 * number + 1.0)
         stands(robot)
@@ -147,7 +147,7 @@ def test_the_same_happens_a_second_time(robot, study):
 
 def test_a_robot_that_is_carried_away_while_it_is_offered_is_offered_again_when_it_is_back(robot, study):
     stands_away(robot)
-    ada = newcomer(study, "ada")
+    ada = first_time_user(study, "ada")
     waiting = ask(robot, ada, NOW)
     keeper = Scheduler()
     looks(keeper, 1.0)
@@ -166,7 +166,7 @@ def test_a_robot_that_is_carried_away_while_it_is_offered_is_offered_again_when_
 
 def test_an_operator_passes_who_waits_and_drives_the_robot_home(robot, study):
     stands_away(robot)
-    ada, staff = newcomer(study, "ada"), User.objects.create(username="staff", is_staff=True, is_superuser=True)
+    ada, staff = first_time_user(study, "ada"), User.objects.create(username="staff", is_staff=True, is_superuser=True)
     other = User.objects.create(username="other")
     waiting = ask(robot, ada, NOW)
     looks(Scheduler(), 1.0)
@@ -183,7 +183,7 @@ def test_an_operator_passes_who_waits_and_drives_the_robot_home(robot, study):
 def test_a_robot_that_goes_home_by_itself_is_sent_there_and_nobody_is_called(robot, study):
     Robot.objects.update(returns_home=True)
     stands_away(robot)
-    ask(robot, newcomer(study, "ada"), NOW)
+    ask(robot, first_time_user(study, "ada"), NOW)
     looks(Scheduler(), 1.0, 20.0, 30.0)
     assert Robot.objects.get().turnaround == "returning"
     assert mail.outbox == []

@@ -27,7 +27,7 @@ from experiments.export.archive import unpacked, zipped
 from experiments.export.files import SUMS, export_files
 from experiments.models import Participant
 from sessions.models import SessionEvent, Snapshot, StateChunk
-from surveys.definition import Words
+from surveys.definition import TextItem
 from surveys.models import Answer
 from tests.support.paths import ROOT
 from tests.support.study_dataset import made_up
@@ -39,7 +39,7 @@ pytestmark = [pytest.mark.django_db, pytest.mark.long]
 def commented(definition):
     """A questionnaire with a field for words at its end."""
     *pages, last = definition.pages
-    last = msgspec.structs.replace(last, items=(*last.items, Words(key="comment", text={"en": "Anything else?"})))
+    last = msgspec.structs.replace(last, items=(*last.items, TextItem(key="comment", text={"en": "Anything else?"})))
     return msgspec.structs.replace(definition, pages=(*pages, last))
 
 

@@ -326,7 +326,7 @@ def over(runner: Runner, drive: Drive, *, moved: bool) -> None:
     """A session has ended, and the session manager hears so."""
     if moved:
         Session.objects.filter(pk=drive.session_id).update(first_motion_at=timezone.now())
-    runner.hear_end(session=Session.objects.get(pk=drive.session_id))
+    runner.on_end(session=Session.objects.get(pk=drive.session_id))
 
 
 def moment(seconds: float) -> datetime.datetime:

@@ -12,7 +12,7 @@ from django.conf import settings as site
 
 from telepresence_site.ops.backup import archive
 from telepresence_site.ops.backup.archive import BackupError
-from tests.support.clerk import DjangoShell
+from tests.support.django_shell import DjangoShell
 from tests.support.postgres import running_postgres
 
 FILES = {"secrets/secret_key": "key-of-the-site", "credentials/giraff.toml": "token", "media/a/b.bin": "x" * 100_000}
@@ -34,21 +34,21 @@ class Site:
         self.var = var
         kept = {name: value for name, value in os.environ.items() if name not in {"DATABASE_URL", "SECRET_KEY"}}
         changed = {"VAR_DIR": str(var), "DATABASE_URL": database, "HTTP_ONLY": "1", "LOG_LEVEL": "WARNING"}
-        self.clerk = DjangoShell(Path(site.BASE_DIR), kept | changed | {"DJANGO_SETTINGS_MODULE": "telepresence_site.settings"})
-        self.clerk.ask("pass")  # its secret key is made before ours is put in its place
+        self.django_shell = DjangoShell(Path(site.BASE_DIR), kept | changed | {"DJANGO_SETTINGS_MODULE": "telepresence_site.settings"})
+        self.django_shell.ask("pass")  # its secret key is made before ours is put in its place
 
     def call(self, *arguments):
-        return self.clerk.ask(COMMAND.format(arguments=arguments)).strip()
+        return self.django_shell.ask(COMMAND.format(arguments=arguments)).strip()
 
     def fill(self):
         for name, text in FILES.items():
             (self.var / name).parent.mkdir(parents=True, exist_ok=True)
             (self.var / name).write_text(text)
         self.call("migrate", "-v", "0")
-        self.clerk.ask(FILL)
+        self.django_shell.ask(FILL)
 
     def show(self):
-        return self.clerk.ask(SHOW), {name: (self.var / name).read_text() for name in FILES}
+        return self.django_shell.ask(SHOW), {name: (self.var / name).read_text() for name in FILES}
 
 
 @pytest.fixture(params=["sqlite", pytest.param("postgres", marks=pytest.mark.postgres)])
@@ -70,7 +70,7 @@ def sites(tmp_path, databases):
     sites = [Site(tmp_path / name, database) for name, database in zip(("first", "second"), databases, strict=True)]
     yield sites
     for each in sites:
-        each.clerk.close()
+        each.django_shell.close()
 
 
 def test_what_was_backed_up_comes_back_and_nothing_is_ever_overwritten(tmp_path, sites):

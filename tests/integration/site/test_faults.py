@@ -101,7 +101,7 @@ async def test_a_web_process_that_fails_is_silence_and_who_comes_back_drives_on_
         session = client.session
         fail(site, "web", number)
         try:
-            await client.until(lambda: client.socket is None or time.time() - client.heard_at > 1.5, patient(4), "silence")
+            await client.until(lambda: client.socket is None or time.time() - client.last_received_at > 1.5, patient(4), "silence")
         finally:
             mend(site, "web", number)
         await client.turns(patient(RECOVERS), time.time())

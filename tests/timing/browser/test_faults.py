@@ -11,7 +11,7 @@ from itertools import pairwise
 import pytest
 
 from tests.support.chromium import CHROMIUM
-from tests.support.lateness import watched
+from tests.support.host_jitter import watched
 from tests.support.namespace import HERE, namespace
 from tests.support.patience import patient
 from tests.support.site import wait_for
@@ -36,8 +36,8 @@ LEASE = 10.0  # s that a lease lives after its renewal
 
 @pytest.fixture(scope="module")
 def computer():
-    with watched() as lateness:
-        yield lateness
+    with watched() as jitter:
+        yield jitter
 
 
 @pytest.fixture

@@ -62,7 +62,7 @@ class PendingAction:
     over_at: float = math.inf
 
 
-class Errands:
+class PendingActions:
     """The errands of one robot; `tell` hears what becomes of them."""
 
     def __init__(self, tell: Callable[[ActionProgress], None]) -> None:
@@ -71,18 +71,18 @@ class Errands:
         self.whereabouts: PendingAction | None = None
         self._tell = tell
 
-    def begin(self, errand: PendingAction) -> None:
+    def begin(self, pending: PendingAction) -> None:
         """Take an errand that the RCA has accepted."""
-        if errand.kind == "tilt":
+        if pending.kind == "tilt":
             self._end(self.head, "CANCELLED", "replaced")
-            self.head = errand
-        elif errand.kind == "relocalize":
+            self.head = pending
+        elif pending.kind == "relocalize":
             self._end(self.whereabouts, "CANCELLED", "replaced")
-            self.whereabouts = errand
+            self.whereabouts = pending
         else:
             self._end(self.drive, "CANCELLED", "replaced")
-            self.drive = errand
-        self._tell(ActionProgress(errand.action_id, "RUNNING"))
+            self.drive = pending
+        self._tell(ActionProgress(pending.action_id, "RUNNING"))
 
     def of(self, action_id: str) -> PendingAction | None:
         """Return a running errand by its action."""
@@ -99,8 +99,8 @@ class Errands:
 
     def end_all(self, reason: str) -> None:
         """The RCA is gone, and what it was doing with it."""
-        for errand in (self.drive, self.head, self.whereabouts):
-            self._end(errand, "FAILED", reason)
+        for pending in (self.drive, self.head, self.whereabouts):
+            self._end(pending, "FAILED", reason)
 
     def watch(self, now: float, *, dock: DockState, tilt: float | None, pose: Pose = NOWHERE, fixed_at: float = -math.inf) -> PendingAction | None:
         """Look whether something was reached, or takes too long; return what moves the base and took too long, to be taken back.
@@ -113,7 +113,7 @@ class Errands:
             fixed_at: when its localization said so last, monotonic seconds.
         """
         self._watch_head(now, tilt)
-        self._watch_whereabouts(now, pose, fixed_at)
+        self._watch_position(now, pose, fixed_at)
         drive = self.drive
         if drive is None:
             return None
@@ -133,28 +133,28 @@ class Errands:
         elif now > head.deadline:
             self._end(head, "FAILED", "the head does not get there")
 
-    def _watch_whereabouts(self, now: float, pose: Pose, fixed_at: float) -> None:
-        errand = self.whereabouts
-        if errand is None or errand.area is None:
+    def _watch_position(self, now: float, pose: Pose, fixed_at: float) -> None:
+        pending = self.whereabouts
+        if pending is None or pending.area is None:
             return
-        is_news = fixed_at > errand.began + errand.area.settles
-        if is_news and pose.localized and errand.area.holds(pose):
-            self._end(errand, "FINISHED", "")
-        elif now > errand.deadline:
-            self._end(errand, "FAILED", _astray(pose, is_news=is_news))
+        is_news = fixed_at > pending.began + pending.area.settles
+        if is_news and pose.localized and pending.area.holds(pose):
+            self._end(pending, "FINISHED", "")
+        elif now > pending.deadline:
+            self._end(pending, "FAILED", _astray(pose, is_news=is_news))
 
-    def _end(self, errand: PendingAction | None, status: ActionState, reason: str) -> None:
-        if errand is None:
+    def _end(self, pending: PendingAction | None, status: ActionState, reason: str) -> None:
+        if pending is None:
             return
-        if errand is self.head:
+        if pending is self.head:
             self.head = None
-        elif errand is self.whereabouts:
+        elif pending is self.whereabouts:
             self.whereabouts = None
-        elif errand is self.drive:
+        elif pending is self.drive:
             self.drive = None
         else:
             return
-        self._tell(ActionProgress(errand.action_id, status, reason))
+        self._tell(ActionProgress(pending.action_id, status, reason))
 
 
 def _astray(pose: Pose, *, is_news: bool) -> str:

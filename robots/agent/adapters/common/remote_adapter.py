@@ -2,7 +2,7 @@
 
 A subclass says how to reach it (`_open`, `_shut`, `_cut`), how a velocity is said (`_drive`), how to find out that it reads what it
 is told (`_ask`), and what it can be told to do (`_order`, `_withdraw`, `_turn_head`). Whatever it hears goes into `readings`, what
-becomes of orders into `errands`, and its end into `_lose`. When the robot may be told to move, velocity_gate.py decides.
+becomes of orders into `pending_actions`, and its end into `_lose`. When the robot may be told to move, velocity_gate.py decides.
 
 Longer than most files: it is every member of the contract, in its order.
 """
@@ -16,7 +16,7 @@ from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator
 from typing import Any
 
-from robots.agent.adapters.common.pending_actions import LONGEST_DOCKING, LONGEST_TILT, Errands, PendingAction
+from robots.agent.adapters.common.pending_actions import LONGEST_DOCKING, LONGEST_TILT, PendingAction, PendingActions
 from robots.agent.adapters.common.progress_queue import ProgressQueue
 from robots.agent.adapters.common.robot_profile import BatteryRange, RobotProfile
 from robots.agent.adapters.common.state_builder import Readings
@@ -62,7 +62,7 @@ class RemoteAdapter(ABC):
         self.profile = profile
         self._battery = battery
         self.readings = Readings(battery)
-        self.errands = Errands(self._tell)
+        self.pending_actions = PendingActions(self._tell)
         self._gate = VelocityGate(GATE, time.monotonic())
         self._failure = "not connected"
         self._progress = ProgressQueue()
@@ -120,7 +120,7 @@ class RemoteAdapter(ABC):
         """
         raise AdapterError(f"{self.profile.series} cannot do {type(action).__name__.lower()}")
 
-    async def _withdraw(self, errand: PendingAction) -> None:  # noqa: B027 -- not every RCA needs it
+    async def _withdraw(self, pending: PendingAction) -> None:  # noqa: B027 -- not every RCA needs it
         """Take an order back."""
 
     def _look(self, now: float) -> None:  # noqa: B027 -- not every RCA needs it
@@ -171,7 +171,7 @@ class RemoteAdapter(ABC):
         if not task.cancelled() and (error := task.exception()) is not None:
             self._lose(str(error) or type(error).__name__)
 
-    def _errand(self, action: Action) -> PendingAction:
+    def _pending(self, action: Action) -> PendingAction:
         """Return what to wait for after an order was accepted."""
         now = time.monotonic()
         match action:
@@ -214,7 +214,7 @@ class RemoteAdapter(ABC):
     async def _first_reading(self) -> None:
         try:
             async with asyncio.timeout(FIRST_READING):
-                while self.readings.heard_at == -math.inf and not self._failure:
+                while self.readings.last_received_at == -math.inf and not self._failure:
                     self._news.clear()
                     await self._news.wait()
         except TimeoutError as error:
@@ -258,7 +258,7 @@ class RemoteAdapter(ABC):
         name = str(type(action).__struct_config__.tag)
         if name not in self.profile.capabilities or not isinstance(action, Goto | Dock | Undock | Relocalize):
             raise AdapterError(f"{self.profile.series} cannot do {name}")
-        self.errands.begin(await self._order(action))
+        self.pending_actions.begin(await self._order(action))
 
     def _tilt(self, action: Tilt) -> None:
         reach = self.profile.tilt
@@ -268,18 +268,18 @@ class RemoteAdapter(ABC):
             raise AdapterError(f"the head tilts from {reach.minimum:g} to {reach.maximum:g} rad, not to {action.angle:g}")
         self._turn_head(action.angle)
         now = time.monotonic()
-        self.errands.begin(PendingAction(action.action_id, "tilt", now, (action.angle, action.angle), now + LONGEST_TILT))
+        self.pending_actions.begin(PendingAction(action.action_id, "tilt", now, (action.angle, action.angle), now + LONGEST_TILT))
 
     async def cancel(self, action_id: str) -> None:
         """Cancel an action; unknown ids are ignored."""
-        errand = self.errands.of(action_id)
-        if errand is None:
+        pending = self.pending_actions.of(action_id)
+        if pending is None:
             return
-        if errand.kind == "tilt" and self.readings.tilt is not None:
+        if pending.kind == "tilt" and self.readings.tilt is not None:
             self._turn_head(self.readings.tilt)
-        elif errand.kind not in {"tilt", "relocalize"}:
-            await self._withdraw(errand)
-        self.errands.end(action_id, "CANCELLED", "cancelled")
+        elif pending.kind not in {"tilt", "relocalize"}:
+            await self._withdraw(pending)
+        self.pending_actions.end(action_id, "CANCELLED", "cancelled")
 
     async def states(self) -> AsyncIterator[RcaState]:
         """Yield a state for everything new that the RCA says, and at 12 Hz when it says the same.
@@ -289,12 +289,12 @@ class RemoteAdapter(ABC):
         """
         while True:
             now = time.monotonic()
-            if not self._failure and now - self.readings.heard_at > SILENCE:
+            if not self._failure and now - self.readings.last_received_at > SILENCE:
                 self._lose(f"{self.place} says nothing of {self.vital} any more")
             if not self._failure and self.must_answer and self._gate.unanswered(now) > SILENCE:
                 self._lose(f"{self.place} does not answer any more")
             if self._failure:
-                self.errands.end_all(self._failure)
+                self.pending_actions.end_all(self._failure)
                 raise AdapterError(self._failure)
             yield self.readings.state(time.time())
             await self._something_new()
@@ -317,7 +317,7 @@ class RemoteAdapter(ABC):
             velocity = readings.velocity
             reading = DockReading(at=now, contact=readings.charger_contact, linear=velocity.linear, angular=velocity.angular)
             dock = docked.follow(docked.DOCKED, dock, reading)
-            late = self.errands.watch(now, dock=dock, tilt=readings.tilt, pose=readings.pose, fixed_at=readings.fixed_at)
+            late = self.pending_actions.watch(now, dock=dock, tilt=readings.tilt, pose=readings.pose, fixed_at=readings.fixed_at)
             if late is not None:
                 with contextlib.suppress(AdapterError):
                     await self._withdraw(late)  # what was told to have failed must not go on
@@ -360,7 +360,7 @@ class RemoteAdapter(ABC):
         self._news.set()
         await cancel(*self._tasks)
         await self._shut()
-        self.errands.end_all("the robot was lost" if why != "closed" else "the agent ends")
+        self.pending_actions.end_all("the robot was lost" if why != "closed" else "the agent ends")
 
     def _tell(self, progress: ActionProgress) -> None:
         self._progress.put(progress)

@@ -12,32 +12,32 @@ from robots.agent.robot_interface import AdapterError
 
 COMMAND_AGE = 0.25  # seconds after which a velocity that still waits is dropped
 STUCK = 0.5  # seconds that velocities may wait before the connection counts as gone
-MOST_LETTERS = 200
+MAX_MESSAGES = 200
 
-Letter = TypeVar("Letter")
+SlotMessage = TypeVar("SlotMessage")
 
 
-class Outgoing(Generic[Letter]):
+class Outgoing(Generic[SlotMessage]):
     """Letters in order, and one place for a velocity that a newer one takes over. For one loop."""
 
     def __init__(self) -> None:
-        self._letters: deque[Letter] = deque()
-        self._velocity: tuple[float, Letter] | None = None
+        self._messages: deque[SlotMessage] = deque()
+        self._velocity: tuple[float, SlotMessage] | None = None
         self._waiting_since = 0.0
         self._wake = asyncio.Event()
 
-    def say(self, letter: Letter) -> None:
+    def say(self, message: SlotMessage) -> None:
         """Let a letter wait for its turn.
 
         Raises:
             AdapterError: too many do already.
         """
-        if len(self._letters) >= MOST_LETTERS:
+        if len(self._messages) >= MAX_MESSAGES:
             raise AdapterError("the robot control architecture takes no messages")
-        self._letters.append(letter)
+        self._messages.append(message)
         self._wake.set()
 
-    def drive(self, letter: Letter) -> None:
+    def drive(self, message: SlotMessage) -> None:
         """Let a velocity wait, instead of the one before.
 
         Raises:
@@ -48,26 +48,26 @@ class Outgoing(Generic[Letter]):
             self._waiting_since = now
         elif now - self._waiting_since > STUCK:
             raise AdapterError("the robot control architecture takes no commands")
-        self._velocity = (now, letter)
+        self._velocity = (now, message)
         self._wake.set()
 
     def __len__(self) -> int:
-        return len(self._letters) + (self._velocity is not None)
+        return len(self._messages) + (self._velocity is not None)
 
     def clear(self) -> None:
         """Forget all of it."""
-        self._letters.clear()
+        self._messages.clear()
         self._velocity = None
 
-    async def take(self) -> Letter:
+    async def take(self) -> SlotMessage:
         """Wait for the next letter; velocities go first."""
         while True:
             if self._velocity is not None:
-                (at, letter), self._velocity = self._velocity, None
+                (at, message), self._velocity = self._velocity, None
                 if time.monotonic() - at <= COMMAND_AGE:
-                    return letter
-            elif self._letters:
-                return self._letters.popleft()
+                    return message
+            elif self._messages:
+                return self._messages.popleft()
             else:
                 self._wake.clear()
                 await self._wake.wait()

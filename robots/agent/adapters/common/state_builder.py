@@ -31,11 +31,11 @@ def stamp_of(said: float, arrived: float) -> float:
 class Readings:
     """The newest of everything.
 
-    `heard_at` is the moment (monotonic) at which the RCA last said where or how fast the robot is, `fixed_at` that of its localization.
+    `last_received_at` is the moment (monotonic) at which the RCA last said where or how fast the robot is, `fixed_at` that of its localization.
     """
 
     def __init__(self, battery: BatteryRange | None = None) -> None:
-        self.heard_at = self.fixed_at = -math.inf
+        self.last_received_at = self.fixed_at = -math.inf
         self.fresh = False
         self.charger_contact = False
         self.estop = False
@@ -137,7 +137,7 @@ class Readings:
         )  # fmt: skip
 
     def _heard(self, stamp: float, now: float) -> None:
-        self.heard_at, self.fresh, self._said = now, True, stamp
+        self.last_received_at, self.fresh, self._said = now, True, stamp
 
     def _advance(self, here: Pose2D, stamp: float) -> None:
         if self._track:

@@ -41,7 +41,7 @@ class VelocityGate:
 
     def __init__(self, params: GateParams, now: float) -> None:
         self._params = params
-        self._heard_at = now
+        self._last_received_at = now
         self._usual = 0.0
         self._left = params.orders
         self._asked_at: float | None = None
@@ -61,8 +61,8 @@ class VelocityGate:
 
     def heard(self, now: float) -> None:
         """Take that the robot said something of itself."""
-        self._usual += 0.2 * (now - self._heard_at - self._usual)
-        self._heard_at, self._left = now, self._params.orders
+        self._usual += 0.2 * (now - self._last_received_at - self._usual)
+        self._last_received_at, self._left = now, self._params.orders
 
     def want(self, velocity: Velocity, now: float) -> None:
         """Take a velocity that moves, instead of the one before."""
@@ -94,7 +94,7 @@ class VelocityGate:
         if self.unanswered(now) > self._params.patience:
             return "does not answer"
         fresh = max(self._params.freshest, 2.0 * self._usual)
-        if now - self._heard_at > min(fresh, self._params.longest):
+        if now - self._last_received_at > min(fresh, self._params.longest):
             return "says nothing of itself"
         return ""
 
@@ -108,4 +108,4 @@ class VelocityGate:
         if self._wanted[0] != self._sent:
             return True
         due = self._sent_at + self._params.repeat
-        return self._heard_at > due or now > self._sent_at + self._params.at_latest
+        return self._last_received_at > due or now > self._sent_at + self._params.at_latest

@@ -159,7 +159,7 @@ class MoosAdapter(RemoteAdapter):
         now = time.monotonic()
         if pose is None:
             self.readings.lost(now)
-            self.readings.heard_at = now
+            self.readings.last_received_at = now
         else:
             self.readings.located(pose, stamp_of(said, time.time()), now)
         self._heard()
@@ -168,13 +168,13 @@ class MoosAdapter(RemoteAdapter):
         self.readings.charged(voltage=self._voltage, charging=self._charging)
 
     def _navigated(self, event: str) -> None:
-        errand = self.errands.drive
-        if errand is None:
+        pending = self.pending_actions.drive
+        if pending is None:
             return
-        by_plan = errand.kind == "dock" or bool(errand.place)
+        by_plan = pending.kind == "dock" or bool(pending.place)
         match event:
             case "START":
-                errand.seen_running = True
+                pending.seen_running = True
             case "END":
                 self._over(named=False)
             case "ERROR" if not by_plan:  # a plan tries again
@@ -185,37 +185,37 @@ class MoosAdapter(RemoteAdapter):
     def _give_up(self, reason: str) -> None:
         """Say that a journey has failed, and see to it that the robot does not go on with it."""
         self._cancel_navigation()
-        self.errands.end_drive("FAILED", reason)
+        self.pending_actions.end_drive("FAILED", reason)
 
     def _over(self, *, named: bool) -> None:
         """Take that a journey to a point, or to a node, has ended; where, tells the place."""
-        errand = self.errands.drive
-        if errand is not None and errand.kind == "goto" and bool(errand.place) == named:
-            errand.over_at = time.monotonic()
+        pending = self.pending_actions.drive
+        if pending is not None and pending.kind == "goto" and bool(pending.place) == named:
+            pending.over_at = time.monotonic()
 
     def _look(self, now: float) -> None:
         if self.readings.errors and now - self._error_at > ERROR_SHOWN:
             self.readings.errors = ()
-        if self.errands.head is not None and now - self._asked_at > ASKING:
+        if self.pending_actions.head is not None and now - self._asked_at > ASKING:
             self._ask_for_angle(now)
         self._watch_journey(now)
 
     def _watch_journey(self, now: float) -> None:
-        errand = self.errands.drive
-        if errand is None or errand.kind != "goto":
+        pending = self.pending_actions.drive
+        if pending is None or pending.kind != "goto":
             return
-        if errand.over_at < now and self._is_there(errand):
-            self.errands.end(errand.action_id, "FINISHED")
-        elif now - errand.over_at > LANDING:
-            self.errands.end(errand.action_id, "FAILED", "the robot stopped before it was there")
-        elif errand.over_at > now and not errand.seen_running and now - errand.began > SETTING_OUT:
+        if pending.over_at < now and self._is_there(pending):
+            self.pending_actions.end(pending.action_id, "FINISHED")
+        elif now - pending.over_at > LANDING:
+            self.pending_actions.end(pending.action_id, "FAILED", "the robot stopped before it was there")
+        elif pending.over_at > now and not pending.seen_running and now - pending.began > SETTING_OUT:
             self._give_up("the robot does not set out")
 
-    def _is_there(self, errand: PendingAction) -> bool:
-        if errand.goal is None:
-            return self._place == errand.place
+    def _is_there(self, pending: PendingAction) -> bool:
+        if pending.goal is None:
+            return self._place == pending.place
         pose = self.readings.pose
-        return pose.localized and math.hypot(pose.x - errand.goal[0], pose.y - errand.goal[1]) < ARRIVED
+        return pose.localized and math.hypot(pose.x - pending.goal[0], pose.y - pending.goal[1]) < ARRIVED
 
     # --- what it says ----------------------------------------------------------------------------------------------------
 
@@ -254,10 +254,10 @@ class MoosAdapter(RemoteAdapter):
                 return openmora.search(action.action_id, x, y, options.relocalize_half_width, time.monotonic())
             case _:
                 raise AdapterError("this robot has to be told where it is")
-        return self._errand(action)
+        return self._pending(action)
 
-    async def _withdraw(self, errand: PendingAction) -> None:
-        if errand.kind == "dock":
+    async def _withdraw(self, pending: PendingAction) -> None:
+        if pending.kind == "dock":
             self._notify("PARKING", 0.0)
         self._cancel_navigation()
 

@@ -202,7 +202,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
         now = time.monotonic()
         if status.pose is None:
             self.readings.lost(now)
-            self.readings.heard_at = now  # it lives, and does not know where it is
+            self.readings.last_received_at = now  # it lives, and does not know where it is
         else:
             self.readings.located(status.pose, stamp, now)
         self.readings.charged(voltage=status.voltage, charging=status.charging)
@@ -211,26 +211,26 @@ class OpenMoraMqttAdapter(RemoteAdapter):
 
     def _watch_journey(self, status: openmora.Status, now: float) -> None:
         """Tell from mode and place when a journey ends, and whether it ended where it should."""
-        errand = self.errands.drive
-        if errand is None or errand.kind != "goto":
+        pending = self.pending_actions.drive
+        if pending is None or pending.kind != "goto":
             return
-        stays = now - max(self._stays_since(status, now), errand.began)
-        errand.seen_running |= status.autonomous
-        if self._is_there(errand, status):
-            if stays > STAYED and (errand.goal is not None or not status.autonomous):
-                self._finish(errand, status)
-        elif errand.seen_running and not status.autonomous:
-            self.errands.end(errand.action_id, "FAILED", "the robot stopped before it was there")
-        elif not errand.seen_running and now - errand.began > SETTING_OUT:
-            self.errands.end(errand.action_id, "FAILED", "the robot does not set out")
+        stays = now - max(self._stays_since(status, now), pending.began)
+        pending.seen_running |= status.autonomous
+        if self._is_there(pending, status):
+            if stays > STAYED and (pending.goal is not None or not status.autonomous):
+                self._finish(pending, status)
+        elif pending.seen_running and not status.autonomous:
+            self.pending_actions.end(pending.action_id, "FAILED", "the robot stopped before it was there")
+        elif not pending.seen_running and now - pending.began > SETTING_OUT:
+            self.pending_actions.end(pending.action_id, "FAILED", "the robot does not set out")
         elif stays > GIVEN_UP:
             self._command("StopGiraff")
-            self.errands.end(errand.action_id, "FAILED", "the robot does not get there")
+            self.pending_actions.end(pending.action_id, "FAILED", "the robot does not get there")
 
-    def _finish(self, errand: PendingAction, status: openmora.Status) -> None:
+    def _finish(self, pending: PendingAction, status: openmora.Status) -> None:
         if status.autonomous:
             self._command("StopGiraff")  # or it would set out again when somebody stands in its place
-        self.errands.end(errand.action_id, "FINISHED")
+        self.pending_actions.end(pending.action_id, "FINISHED")
 
     def _stays_since(self, status: openmora.Status, now: float) -> float:
         """Return since when the robot has not left its place, monotonic seconds."""
@@ -239,10 +239,10 @@ class OpenMoraMqttAdapter(RemoteAdapter):
             self._stood_at, self._stood_since = (pose.x, pose.y), now
         return self._stood_since
 
-    def _is_there(self, errand: PendingAction, status: openmora.Status) -> bool:
-        if errand.goal is None:
-            return status.place == errand.place
-        x, y = errand.goal
+    def _is_there(self, pending: PendingAction, status: openmora.Status) -> bool:
+        if pending.goal is None:
+            return status.place == pending.place
+        x, y = pending.goal
         return status.pose is not None and math.hypot(status.pose.x - x, status.pose.y - y) < ARRIVED
 
     def _look(self, now: float) -> None:
@@ -267,7 +267,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
         self._command(words)
         if isinstance(action, Relocalize) and action.x is not None and action.y is not None:
             return openmora.search(action.action_id, action.x, action.y, self._options.relocalize_half_width, time.monotonic())
-        return self._errand(action)
+        return self._pending(action)
 
     def _words(self, action: Action) -> str:
         match action:
@@ -285,8 +285,8 @@ class OpenMoraMqttAdapter(RemoteAdapter):
             case _:
                 raise AdapterError(f"{self._options.robot} has to be told where it is")
 
-    async def _withdraw(self, errand: PendingAction) -> None:
-        del errand  # there is only one
+    async def _withdraw(self, pending: PendingAction) -> None:
+        del pending  # there is only one
         self._command("StopGiraff")
 
 

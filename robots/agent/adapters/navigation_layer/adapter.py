@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from robots.agent.adapters.common.progress_queue import ProgressQueue
-from robots.agent.adapters.navigation_layer.child import MindProcess, Orderable
+from robots.agent.adapters.navigation_layer.child import NavigationProcess, Orderable
 from robots.agent.adapters.navigation_layer.pose_memory import PoseMemory
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.area import dock_of
@@ -84,8 +84,8 @@ class AutonomyAdapter:
         self._laser, self._now = laser, now
         self._knows_site = area is not None
         self._memory = PoseMemory(memory)
-        self._whereabouts = PoseExtrapolator()
-        self.mind = MindProcess(Body(own.series, own.footprint, own.limits, self._localizes), thought=self._think, settled=self._place)
+        self._pose_buffer = PoseExtrapolator()
+        self.node = NavigationProcess(Body(own.series, own.footprint, own.limits, self._localizes), output=self._think, settled=self._place)
         self._area: FloorPlanUpdate | None = None
         self.dock: Station | None = None
         self._news = ProgressQueue()
@@ -97,7 +97,7 @@ class AutonomyAdapter:
         self._wish: Velocity | None = None
         self._running: str | None = None  # the action that moves the robot
         self._looking: set[str] = set()  # actions that look for it
-        self._heard_at = -math.inf
+        self._last_received_at = -math.inf
         if area is not None:
             self._settle(area)
 
@@ -109,7 +109,7 @@ class AutonomyAdapter:
         """
         await self.inner.connect()
         self._last = self._beams = None
-        self.mind.run()
+        self.node.run()
 
     def apply(self, velocity: Velocity) -> Velocity:
         """Send a velocity.
@@ -123,7 +123,7 @@ class AutonomyAdapter:
         """Return what the running action wants, to stand when its mind is late, None without one."""
         if self._running is None:
             return None
-        late = self._now() - self._heard_at > LATE
+        late = self._now() - self._last_received_at > LATE
         return ZERO if late or self._wish is None else self._wish
 
     def take_floorplan(self, update: FloorPlanUpdate) -> None:
@@ -146,17 +146,17 @@ class AutonomyAdapter:
             return
         if not isinstance(action, Relocalize) and (self._beams is None or self._last is None):
             raise AdapterError("the laser has not been heard yet")
-        await self.mind.order(action)
+        await self.node.order(action)
         self._tell(ActionProgress(action.action_id, "RUNNING"))
         if isinstance(action, Relocalize):
             self._looking.add(action.action_id)
         else:
-            self._running, self._wish, self._heard_at = action.action_id, None, self._now()
+            self._running, self._wish, self._last_received_at = action.action_id, None, self._now()
 
     async def cancel(self, action_id: str) -> None:
         """Cancel an action; unknown ids are ignored."""
         if action_id == self._running or action_id in self._looking:
-            self.mind.say(wire.Drop(action_id))
+            self.node.say(wire.CancelAction(action_id))
             self._end(ActionProgress(action_id, "CANCELLED", "cancelled"))
         await self.inner.cancel(action_id)
 
@@ -212,9 +212,9 @@ class AutonomyAdapter:
         try:
             await self.inner.close()
         finally:
-            await self.mind.close()
-            if self._area is not None and self._last is not None and self._whereabouts.trusted and not self._localizes:
-                await self._memory.close(self._area.map_id, self._whereabouts.place(self._last.odometry))
+            await self.node.close()
+            if self._area is not None and self._last is not None and self._pose_buffer.trusted and not self._localizes:
+                await self._memory.close(self._area.map_id, self._pose_buffer.place(self._last.odometry))
 
     # --- readings ----------------------------------------------------------------------------------------------------
 
@@ -224,11 +224,11 @@ class AutonomyAdapter:
         Raises:
             OSError, RuntimeError: the task that keeps a mind alive has ended so.
         """
-        self.mind.check()
+        self.node.check()
         now = self._now()
         self._perceive(reading, points, now)
         self._watch(now)
-        pose = reading.pose if self._localizes else self._whereabouts.pose(reading.odometry, now)
+        pose = reading.pose if self._localizes else self._pose_buffer.pose(reading.odometry, now)
         if pose.localized and self._area is not None and not self._localizes:
             self._memory.note(self._area.map_id, Pose2D(pose.x, pose.y, pose.theta), now)
         return replace(reading, pose=pose, errors=(*reading.errors, *self._complaints(reading)), path=self._path)
@@ -239,11 +239,11 @@ class AutonomyAdapter:
         self._last = reading
         beams = None if reading.scan is None else beams_of(reading.scan, self._laser)
         self._beams = beams or self._beams
-        if self.mind.ready and self._due.due(now):
+        if self.node.ready and self._due.due(now):
             pose = reading.pose if self._localizes else None
             moment = SensorSnapshot(reading.stamp, reading.odometry, reading.velocity, reading.charger_contact, self._beams, points, pose)
             new = self._beams is not None and self._beams.stamp != self._told_sweep
-            if self.mind.say(wire.perceive(moment, new=new)) and self._beams is not None:
+            if self.node.say(wire.perceive(moment, new=new)) and self._beams is not None:
                 self._told_sweep = self._beams.stamp
 
     def _complaints(self, reading: RcaState) -> tuple[str, ...]:
@@ -251,51 +251,51 @@ class AutonomyAdapter:
             return ("the robot gives no odometry",)
         if self._localizes and self._area is None:
             return ()  # a robot that needs nothing of ours to be driven is not at fault for want of a map
-        return () if self.mind.ready else (f"navigation: {self.mind.problem}",)
+        return () if self.node.ready else (f"navigation: {self.node.problem}",)
 
     # --- the mind ----------------------------------------------------------------------------------------------------
 
     def _settle(self, area: FloorPlanUpdate) -> None:
         self._area = area
         self.dock = dock_of(area, self.profile.series)
-        self._whereabouts = PoseExtrapolator()
-        self.mind.settle(area)
+        self._pose_buffer = PoseExtrapolator()
+        self.node.settle(area)
 
     def _place(self) -> None:
         """Tell a new mind where the robot is: where the last one knew it to be, or where it begins."""
-        self._heard_at, self._told_sweep = self._now(), -math.inf
+        self._last_received_at, self._told_sweep = self._now(), -math.inf
         odometry = self._last.odometry if self._last else None
-        known = self._whereabouts.place(odometry) if self._whereabouts.trusted else None
+        known = self._pose_buffer.place(odometry) if self._pose_buffer.trusted else None
         if known is not None:
-            self.mind.say(wire.Place(known, AGAIN_SPREAD, AGAIN_TURN))
-        elif self.profile.start is not None and self._whereabouts.unheard:
-            self.mind.say(wire.Place(self.profile.start, START_SPREAD, START_TURN))
-        elif self._whereabouts.unheard and self._area is not None and (kept := self._memory.recall(self._area.map_id)):
-            self.mind.say(wire.Place(kept, AGAIN_SPREAD, AGAIN_TURN))
+            self.node.say(wire.Place(known, AGAIN_SPREAD, AGAIN_TURN))
+        elif self.profile.start is not None and self._pose_buffer.unheard:
+            self.node.say(wire.Place(self.profile.start, START_SPREAD, START_TURN))
+        elif self._pose_buffer.unheard and self._area is not None and (kept := self._memory.recall(self._area.map_id)):
+            self.node.say(wire.Place(kept, AGAIN_SPREAD, AGAIN_TURN))
 
-    def _think(self, thought: NavigationOutput) -> None:
+    def _think(self, output: NavigationOutput) -> None:
         now = self._now()
-        self._heard_at, self._wish = now, thought.wanted
-        self._whereabouts.take(thought, now)
-        if thought.path is not None:
-            self._path = thought.path
-        for news in thought.news:
+        self._last_received_at, self._wish = now, output.wanted
+        self._pose_buffer.take(output, now)
+        if output.path is not None:
+            self._path = output.path
+        for news in output.news:
             if news.action_id == self._running or news.action_id in self._looking:
                 take = self._end if news.status in ENDED else self._tell
                 take(news)
 
     def _watch(self, now: float) -> None:
         """Give up a mind that does not think any more."""
-        silent = now - self._heard_at
-        if not self.mind.ready:
-            self._end_all(f"navigation was lost: {self.mind.problem}")
+        silent = now - self._last_received_at
+        if not self.node.ready:
+            self._end_all(f"navigation was lost: {self.node.problem}")
         elif silent > (STUCK if self._running else STUCK_IDLE):
             self._end_all("navigation has stopped answering")
-            self.mind.give_up("it does not answer")
+            self.node.give_up("it does not answer")
 
     def _end_all(self, reason: str) -> None:
         for action_id in ([self._running] if self._running else []) + sorted(self._looking):
-            self.mind.say(wire.Drop(action_id))
+            self.node.say(wire.CancelAction(action_id))
             self._end(ActionProgress(action_id, "FAILED", reason))
 
     def _end(self, news: ActionProgress) -> None:

@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 Orderable = Goto | Follow | Dock | Undock | Relocalize
 
 
-class MindProcess:
+class NavigationProcess:
     """One mind after the other, for one robot. All methods run on the control loop, none blocks it.
 
     Args:
@@ -40,11 +40,11 @@ class MindProcess:
         seed: of everything random.
     """
 
-    def __init__(self, body: Body, *, thought: Callable[[NavigationOutput], None], settled: Callable[[], None], seed: int = 0) -> None:
+    def __init__(self, body: Body, *, output: Callable[[NavigationOutput], None], settled: Callable[[], None], seed: int = 0) -> None:
         self.ready = False
         self.problem = "no map of the site has come yet"
         self.starts = 0
-        self._body, self._thought, self._settled, self._seed = body, thought, settled, seed
+        self._body, self._output, self._settled, self._seed = body, output, settled, seed
         self._area: FloorPlanUpdate | None = None
         self._area_came, self._changed = asyncio.Event(), asyncio.Event()
         self._child: subprocess.Popen[bytes] | None = None
@@ -74,7 +74,7 @@ class MindProcess:
         if self._task is not None and self._task.done() and not self._task.cancelled():
             self._task.result()
 
-    def say(self, message: wire.Word) -> bool:
+    def say(self, message: wire.NodeMessage) -> bool:
         """Send without waiting; return False when no mind hears it."""
         writer = self._writer
         if not self.ready or writer is None or writer.transport.is_closing() or writer.transport.get_write_buffer_size() > BACKLOG:
@@ -92,7 +92,7 @@ class MindProcess:
         self._orders += 1
         answer = self._answers[self._orders] = asyncio.get_running_loop().create_future()
         try:
-            self.say(wire.Order(self._orders, action))
+            self.say(wire.BeginAction(self._orders, action))
             async with asyncio.timeout(ANSWER_TIME):
                 problem = await answer
         except TimeoutError as error:
@@ -198,10 +198,10 @@ class MindProcess:
         finally:
             server.close()
 
-    def _take(self, word: wire.FromMind) -> None:
+    def _take(self, word: wire.FromNode) -> None:
         match word:
-            case wire.Thinks(thought):
-                self._thought(thought)
+            case wire.Thinks(output):
+                self._output(output)
             case wire.Answer(number, problem):
                 answer = self._answers.get(number)
                 if answer is not None and not answer.done():
@@ -244,5 +244,5 @@ async def _end(child: subprocess.Popen[bytes] | None) -> None:
         await asyncio.to_thread(child.wait)
 
 
-async def _read(reader: asyncio.StreamReader) -> wire.FromMind:
+async def _read(reader: asyncio.StreamReader) -> wire.FromNode:
     return wire.unpack_answer(await framing.read(reader))

@@ -412,7 +412,7 @@ class RosAdapter(RemoteAdapter):
                 return self._relocalize(action, Pose2D(x, y, action.theta or 0.0))
             case _:
                 raise AdapterError(f"{self.profile.series} has to be told where it is")
-        return self._errand(action)
+        return self._pending(action)
 
     def _heading(self, goal: Goto) -> float:
         """Return the wanted heading, or the present one: move_base and Nav2 want some."""
@@ -436,8 +436,8 @@ class RosAdapter(RemoteAdapter):
         now = time.monotonic()
         return PendingAction(action.action_id, "relocalize", now, deadline=now + LONGEST_RELOCALIZATION, area=area)
 
-    async def _withdraw(self, errand: PendingAction) -> None:
-        if errand.kind != "goto":
+    async def _withdraw(self, pending: PendingAction) -> None:
+        if pending.kind != "goto":
             if self._options.cancel_dock:
                 await self._trigger(self._options.cancel_dock)
         elif self._navigation == "move_base":
@@ -468,19 +468,19 @@ class RosAdapter(RemoteAdapter):
         self._bus.publish(self._options.goal_pose, {"header": header, "pose": messages.pose(place)})
 
     def _look(self, now: float) -> None:
-        errand = self.errands.drive
-        if errand is not None and errand.kind == "goto" and not errand.seen_running and now - errand.began > ACCEPTANCE:
-            self.errands.end(errand.action_id, "FAILED", "navigation does not answer")
+        pending = self.pending_actions.drive
+        if pending is not None and pending.kind == "goto" and not pending.seen_running and now - pending.began > ACCEPTANCE:
+            self.pending_actions.end(pending.action_id, "FAILED", "navigation does not answer")
 
     def accepted(self, goal: str) -> None:
         """Take that the robot works on a goal."""
-        if goal == self._goal and self.errands.drive is not None and self.errands.drive.kind == "goto":
-            self.errands.drive.seen_running = True
+        if goal == self._goal and self.pending_actions.drive is not None and self.pending_actions.drive.kind == "goto":
+            self.pending_actions.drive.seen_running = True
 
     def ended(self, goal: str, status: ActionState, reason: str) -> None:
         """Take that a goal is over."""
         if goal == self._goal:
-            self.errands.end_drive(status, reason, "goto")
+            self.pending_actions.end_drive(status, reason, "goto")
 
     def _goal_states(self, message: dict[str, Any]) -> None:
         for entry in message.get("status_list", ()):
@@ -498,7 +498,7 @@ class RosAdapter(RemoteAdapter):
         entries = {_uuid(entry): entry.get("status") for entry in message.get("status_list", ())}
         self._latest = frozenset(entries)
         new = {goal: status for goal, status in entries.items() if goal not in self._seen}
-        if self.errands.drive is None or self.errands.drive.kind != "goto":
+        if self.pending_actions.drive is None or self.pending_actions.drive.kind != "goto":
             return
         for goal, status in new.items():
             if status in RUNNING:

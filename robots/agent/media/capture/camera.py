@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from robots.agent.media.capture.capture import Capture, CaptureState
-from robots.agent.media.codecs.encoder import LADDER, Picture, PictureEncoder, Tier, is_due
+from robots.agent.media.codecs.encoder import LAYERS, Picture, PictureEncoder, Tier, is_due
 from robots.agent.media.peers.key_frames import KeyFrames, Reason
 from robots.agent.media.webrtc.rtp import RtpClock
 from robots.agent.robot_interface import Frame, VideoSource
@@ -16,7 +16,7 @@ SNAPSHOT_STARTING = 12.0  # s, from a camera that must be started first: within 
 SNAPSHOT_LOOK = 0.25  # s between two looks whether it still starts
 
 
-class _Rung:
+class _Layer:
     """One quality: its encoder, who watches it, and when it needs a key frame."""
 
     def __init__(self, encoder: PictureEncoder) -> None:
@@ -53,11 +53,11 @@ class CameraFeed:
         ladder: the qualities, the best first.
     """
 
-    def __init__(self, source: VideoSource, clock: RtpClock, deliver: Callable[[Picture], None], ladder: Sequence[Tier] = LADDER) -> None:
+    def __init__(self, source: VideoSource, clock: RtpClock, deliver: Callable[[Picture], None], layers: Sequence[Tier] = LAYERS) -> None:
         self._source = source
         self._clock = clock
         self._deliver = deliver
-        self._rungs = [_Rung(PictureEncoder(tier, number)) for number, tier in enumerate(ladder)]
+        self._layers = [_Layer(PictureEncoder(tier, number)) for number, tier in enumerate(layers)]
         self._frame: Frame | None = None
         self._frame_came = threading.Condition()
         self._capture = Capture("camera", source, self._begin, self._step)
@@ -65,7 +65,7 @@ class CameraFeed:
     @property
     def rates(self) -> tuple[int, ...]:
         """Return the bit/s of the rungs, the best first."""
-        return tuple(rung.encoder.tier.bitrate for rung in self._rungs)
+        return tuple(layer.encoder.tier.bitrate for layer in self._layers)
 
     @property
     def state(self) -> CaptureState:
@@ -80,14 +80,14 @@ class CameraFeed:
         """Stop the camera and its thread."""
         self._capture.close()
 
-    def watch(self, number: int, rung: int = 0) -> None:
+    def watch(self, number: int, layer: int = 0) -> None:
         """Say that `number` more viewers watch a rung, fewer when negative."""
-        self._rungs[rung].viewers += number
+        self._layers[layer].viewers += number
         self._capture.want(number)
 
-    def ask_key_frame(self, reason: Reason, rung: int = 0) -> None:
+    def ask_key_frame(self, reason: Reason, layer: int = 0) -> None:
         """Ask for a key frame."""
-        self._rungs[rung].ask(reason)
+        self._layers[layer].ask(reason)
 
     def snapshot(self) -> Frame | None:
         """Return the next frame of the camera, started for it if need be; None when none came in 3 s, 12 while it starts. Blocks meanwhile."""
@@ -104,8 +104,8 @@ class CameraFeed:
             return self._frame if came else None
 
     def _begin(self) -> None:
-        for rung in self._rungs:
-            rung.restart()
+        for layer in self._layers:
+            layer.restart()
 
     def _step(self, timeout: float) -> bool:
         frame = self._source.read(timeout)
@@ -119,20 +119,20 @@ class CameraFeed:
         ticks = self._clock.tick(frame.stamp)
         now = time.monotonic()
         # Who waits for a key frame to change over is given it before the same picture of the old rung, which has the same time.
-        for rung in sorted(self._rungs, key=lambda rung: not rung.needs_key(now)):
-            if rung.viewers > 0:
-                self._encode(rung, frame, ticks, now)
-            elif rung.last_stamp is not None:
-                rung.restart()
+        for layer in sorted(self._layers, key=lambda layer: not layer.needs_key(now)):
+            if layer.viewers > 0:
+                self._encode(layer, frame, ticks, now)
+            elif layer.last_stamp is not None:
+                layer.restart()
         return True
 
-    def _encode(self, rung: _Rung, frame: Frame, ticks: int, now: float) -> None:
-        if not is_due(frame.stamp, rung.last_stamp, rung.encoder.tier.fps):
+    def _encode(self, layer: _Layer, frame: Frame, ticks: int, now: float) -> None:
+        if not is_due(frame.stamp, layer.last_stamp, layer.encoder.tier.fps):
             return
-        rung.last_stamp = frame.stamp
-        picture = rung.encoder.encode(frame, ticks, self._clock.timestamp(ticks), key=rung.needs_key(now))
+        layer.last_stamp = frame.stamp
+        picture = layer.encoder.encode(frame, ticks, self._clock.timestamp(ticks), key=layer.needs_key(now))
         if picture is None:
             return
         if picture.key:
-            rung.made_key(now)
+            layer.made_key(now)
         self._deliver(picture)

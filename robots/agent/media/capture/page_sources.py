@@ -42,7 +42,7 @@ class PageCamera:
         self._ahead: tuple[float, float] | None = None  # when, and the Unix time of the clock's tick 0, by the fastest picture
         self._source = ""
         self._viewers = 0
-        self._heard_at = float("-inf")
+        self._last_received_at = float("-inf")
         self._wanted_since = float("-inf")
         self._whole: bytes | None = None
         self._whole_came = threading.Condition()
@@ -50,7 +50,7 @@ class PageCamera:
     @property
     def state(self) -> CaptureState:
         """Return how it is."""
-        return _state(self._heard_at, self._wanted_since if self._viewers > 0 else None, MISSING_VIDEO)
+        return _state(self._last_received_at, self._wanted_since if self._viewers > 0 else None, MISSING_VIDEO)
 
     def start(self) -> None:
         """Nothing to begin: the page gives what it gives."""
@@ -58,13 +58,13 @@ class PageCamera:
     def close(self) -> None:
         """Nothing to end."""
 
-    def watch(self, number: int, rung: int = 0) -> None:  # noqa: ARG002 -- there is one
+    def watch(self, number: int, layer: int = 0) -> None:  # noqa: ARG002 -- there is one
         """Note that `number` more watch, fewer when negative."""
         if self._viewers == 0:
             self._wanted_since = time.monotonic()
         self._viewers += number
 
-    def ask_key_frame(self, reason: Reason, rung: int = 0) -> None:  # noqa: ARG002 -- as above
+    def ask_key_frame(self, reason: Reason, layer: int = 0) -> None:  # noqa: ARG002 -- as above
         """Ask the page for a key frame, not too often."""
         self._keys.ask(reason)
         now = time.monotonic()
@@ -78,7 +78,7 @@ class PageCamera:
         if not data or (source != self._source and not key):
             self.ask_key_frame("lost")
             return
-        self._source, self._heard_at = source, time.monotonic()
+        self._source, self._last_received_at = source, time.monotonic()
         at = self._clock.tick(source, ticks)
         if key:
             with self._whole_came:
@@ -120,13 +120,13 @@ class PageMicrophone:
         self._deliver = deliver
         self._clock = Continuous(STEP["audio"])
         self._listeners = 0
-        self._heard_at = float("-inf")
+        self._last_received_at = float("-inf")
         self._wanted_since = float("-inf")
 
     @property
     def state(self) -> CaptureState:
         """Return how it is."""
-        return _state(self._heard_at, self._wanted_since if self._listeners > 0 else None, MISSING_SOUND)
+        return _state(self._last_received_at, self._wanted_since if self._listeners > 0 else None, MISSING_SOUND)
 
     def start(self) -> None:
         """Nothing to begin: the page gives what it gives."""
@@ -142,14 +142,14 @@ class PageMicrophone:
 
     def take(self, source: str, data: bytes, ticks: int) -> None:
         """Take an encoded sound of a connection; `ticks` are its own."""
-        self._heard_at = time.monotonic()
+        self._last_received_at = time.monotonic()
         self._deliver(data, self._clock.tick(source, ticks))
 
 
-def _state(heard_at: float, wanted_since: float | None, missing: str) -> CaptureState:
-    """Return how it is: something was heard at `heard_at`, somebody wants it since `wanted_since` or nobody does; monotonic seconds."""
+def _state(last_received_at: float, wanted_since: float | None, missing: str) -> CaptureState:
+    """Return how it is: something was heard at `last_received_at`, somebody wants it since `wanted_since` or nobody does; monotonic seconds."""
     now = time.monotonic()
-    if now - heard_at < LIMITS.stall:
+    if now - last_received_at < LIMITS.stall:
         return CaptureState("live")
     if wanted_since is None:
         return CaptureState("idle")

@@ -30,7 +30,7 @@ class Tier:
 TIER_480P = Tier(width=640, height=480, fps=30, bitrate=1_200_000)
 # The best first. The fourth fits, with sound and words (150 kbit/s), through 400 kbit/s.
 # Of a camera's 30 pictures every second one is left out first.
-LADDER = (
+LAYERS = (
     TIER_480P,
     Tier(width=640, height=480, fps=30, bitrate=700_000),
     Tier(width=640, height=480, fps=15, bitrate=380_000),
@@ -47,7 +47,7 @@ class Picture:
     key: bool
     rtp: int
     stamp: float
-    rung: int = 0
+    layer: int = 0
 
     @property
     def size(self) -> int:
@@ -67,10 +67,10 @@ def is_due(stamp: float, last: float | None, fps: int) -> bool:
 
 
 class PictureEncoder:
-    """A VP8 encoder of one tier, the ladder's `rung`. Not thread-safe: it belongs to the thread of its camera."""
+    """A VP8 encoder of one tier, the ladder's `layer`. Not thread-safe: it belongs to the thread of its camera."""
 
-    def __init__(self, tier: Tier, rung: int = 0) -> None:
-        self.tier, self.rung = tier, rung
+    def __init__(self, tier: Tier, layer: int = 0) -> None:
+        self.tier, self.layer = tier, layer
         self._reformatter = VideoReformatter()
         self._codec: Any = None
 
@@ -89,7 +89,7 @@ class PictureEncoder:
         if not packets:
             return None
         payloads = vp8_payloads(b"".join(bytes(packet) for packet in packets))
-        return Picture(payloads, any(p.is_keyframe for p in packets), rtp, frame.stamp, self.rung)
+        return Picture(payloads, any(p.is_keyframe for p in packets), rtp, frame.stamp, self.layer)
 
     def restart(self) -> None:
         """Forget the pictures so far: the next one is a key frame, whatever was asked for."""

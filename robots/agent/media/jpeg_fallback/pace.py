@@ -27,12 +27,12 @@ class Layer:
     quantizer: int
 
 
-def _rung(width: int, height: int, quantizer: int) -> Layer:
+def _layer(width: int, height: int, quantizer: int) -> Layer:
     return Layer(Tier(width, height, FPS, 0), quantizer)
 
 
 # About 16, 10, 6.5, 4.5, 3.2 and 2 kB for a furnished room.
-LADDER = (_rung(480, 360, 4), _rung(480, 360, 10), _rung(320, 240, 7), _rung(320, 240, 14), _rung(240, 180, 14), _rung(160, 120, 14))
+LAYERS = (_layer(480, 360, 4), _layer(480, 360, 10), _layer(320, 240, 7), _layer(320, 240, 14), _layer(240, 180, 14), _layer(160, 120, 14))
 FIRST = 2
 
 
@@ -40,7 +40,7 @@ class Quality:
     """The rung of the ladder, by how long pictures take."""
 
     def __init__(self) -> None:
-        self.rung = FIRST
+        self.layer = FIRST
         self._fast = 0
         self._patience = PATIENCE
         self._tried = False  # the last step was up
@@ -51,15 +51,15 @@ class Quality:
             self.too_large()
         elif seconds < FAST:
             self._fast += 1
-            if self._fast >= self._patience and self.rung > 0:
-                self.rung, self._fast, self._tried = self.rung - 1, 0, True
+            if self._fast >= self._patience and self.layer > 0:
+                self.layer, self._fast, self._tried = self.layer - 1, 0, True
         else:
             self._fast = 0
 
     def too_large(self) -> None:
         """Step down; a step up that came to nothing is tried again less and less often."""
         self._patience = min(MOST_PATIENCE, 2 * self._patience) if self._tried else PATIENCE
-        self.rung, self._fast, self._tried = min(len(LADDER) - 1, self.rung + 1), 0, False
+        self.layer, self._fast, self._tried = min(len(LAYERS) - 1, self.layer + 1), 0, False
 
 
 class Pace:
@@ -95,9 +95,9 @@ class Pace:
             return None if driver is None or not self._waiting else max(0.0, self._asked[driver] + PRESENT - now)
         return max(0.0, self._not_before - now)
 
-    def rung(self) -> Layer:
+    def layer(self) -> Layer:
         """Return how large the next picture is to be."""
-        return LADDER[self.quality.rung]
+        return LAYERS[self.quality.layer]
 
     def sent(self, stamp: float, now: float) -> frozenset[str]:
         """Note that the picture of this capture stamp has gone out to everybody who waited, and return them."""

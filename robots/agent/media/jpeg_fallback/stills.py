@@ -88,7 +88,7 @@ class JpegFallback:
         if frame is None:
             self._failed()
             return
-        payload = picture.pack(frame.stamp, _jpeg(frame, self._pace.rung()))
+        payload = picture.pack(frame.stamp, _jpeg(frame, self._pace.layer()))
         if len(payload) > LIMIT:
             with self._changed:
                 self._pace.quality.too_large()
@@ -104,5 +104,5 @@ class JpegFallback:
             self._pace.failed(time.monotonic())
 
 
-def _jpeg(frame: Frame, rung: Layer) -> bytes:
-    return reduced(frame, *fitted(rung.tier, frame.width, frame.height), rung.quantizer)
+def _jpeg(frame: Frame, layer: Layer) -> bytes:
+    return reduced(frame, *fitted(layer.tier, frame.width, frame.height), layer.quantizer)

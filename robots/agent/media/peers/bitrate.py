@@ -36,7 +36,7 @@ class BitrateAdapter:
     """
 
     def __init__(self, rates: Sequence[int], now: float) -> None:
-        self.rung = 0
+        self.layer = 0
         self.probes = 0
         self._rates = tuple(rates)
         self._ages: deque[tuple[float, float]] = deque()  # the least of each second, at most
@@ -97,12 +97,12 @@ class BitrateAdapter:
         if self._probe_at is not None and now - self._probe_at > PROBE + WATCH:
             self._probe_at, self._calm_since, self._up_at = None, now, now
             self._patience, self._hold = self._hold, NEXT_HOLD
-            self.rung = max(0, self.rung - 1)
-        if self.rung > 0 and self._probe_at is None and now - self._calm_since > self._hold and self._is_quick(now):
+            self.layer = max(0, self.layer - 1)
+        if self.layer > 0 and self._probe_at is None and now - self._calm_since > self._hold and self._is_quick(now):
             self._probe_at = now
             self.probes += 1
         probing = self._probe_at is not None and now - self._probe_at <= PROBE
-        return self._rates[self.rung - 1] / ROOM if probing else 0.0
+        return self._rates[self.layer - 1] / ROOM if probing else 0.0
 
     def _remember(self, now: float, age: float) -> None:
         if self._ages and now - self._ages[-1][0] < 1.0:
@@ -129,4 +129,4 @@ class BitrateAdapter:
         lowest = len(self._rates) - 1
         fits = 0 if capacity is None else next((n for n, rate in enumerate(self._rates) if rate <= ROOM * capacity), lowest)
         self._silent_until = now + min(waits, LONGEST_PAUSE)
-        self._down_at, self.rung = self._silent_until, min(lowest, max(self.rung + 1, fits))
+        self._down_at, self.layer = self._silent_until, min(lowest, max(self.layer + 1, fits))

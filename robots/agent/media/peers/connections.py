@@ -38,7 +38,7 @@ class Connections:
 
     def __init__(self, places: int, make_viewer: MakeViewer, reply: Callable[[str, SignalReply], None], changed: Callable[[], None]) -> None:
         self._make_viewer, self._reply, self._changed = make_viewer, reply, changed
-        self._roster = PeerRegistry(places)
+        self._registry = PeerRegistry(places)
         self._held = HeldCandidates()
         self._count = itertools.count()
         self._viewers: dict[str, Viewer] = {}
@@ -52,11 +52,11 @@ class Connections:
 
     def lease_changed(self, driver_peer: str | None) -> None:
         """Say which peer the lease names; every other one is an observer from now on, None means that nobody drives."""
-        self._roster.lease_changed(driver_peer, time.monotonic())
+        self._registry.lease_changed(driver_peer, time.monotonic())
 
     def role(self, peer: str) -> Role:
         """Return what a peer is at this moment."""
-        return self._roster.role(peer)
+        return self._registry.role(peer)
 
     def drives(self, peer: str) -> bool:
         """Tell whether a peer is the one that drives."""
@@ -87,7 +87,7 @@ class Connections:
         if isinstance(message, Offer):
             self._take_offer(peer, message)
         elif isinstance(message, Stay):
-            self._roster.vouch(peer, time.monotonic())
+            self._registry.vouch(peer, time.monotonic())
         elif isinstance(message, Candidate):
             viewer = self._viewers.get(peer)
             if viewer is None or not viewer.takes_candidates:
@@ -104,7 +104,7 @@ class Connections:
         if self._flooded.get(peer, 0.0) > time.monotonic():
             self._reply(peer, Bye(reason="flooded"))
             return
-        admission = self._roster.admit(peer, offer.role, time.monotonic())
+        admission = self._registry.admit(peer, offer.role, time.monotonic())
         if admission.leaves is not None:
             self._end(admission.leaves, "full")
         if not admission.admitted:
@@ -151,7 +151,7 @@ class Connections:
         for peer, viewer in list(self._viewers.items()):
             if viewer.is_lost(now):
                 self._end(peer, "failed")
-        for peer, reason in self._roster.unwelcome(now).items():
+        for peer, reason in self._registry.unwelcome(now).items():
             if peer in self._viewers:
                 self._end(peer, reason)
 
@@ -175,7 +175,7 @@ class Connections:
         """Close a page's connection and tell it why, or nothing when it said goodbye itself."""
         viewer = self._viewers.pop(peer)
         self._screens.discard(peer)
-        self._roster.leave(peer)
+        self._registry.leave(peer)
         log.info("peer_ended peer=%s reason=%s %s", peer, reason or "bye", viewer.statistics())
         if reason is not None:
             self._reply(peer, Bye(reason=reason))

@@ -12,7 +12,7 @@ from robots.agent.media.peers.bitrate import BitrateAdapter
 from robots.agent.media.peers.frame_queue import FrameQueue, SoundQueue
 from robots.agent.media.peers.key_frames import Reason
 from robots.agent.media.webrtc.aiortc_hooks import Detour
-from robots.agent.media.webrtc.packet_gate import FrameGate, Heard
+from robots.agent.media.webrtc.packet_gate import PacketGate, ReceivedPacket
 from robots.agent.media.webrtc.relays import Relays
 from robots.agent.media.webrtc.rtp import ClockTeller
 from robots.agent.media.webrtc.sdp import Kind
@@ -33,10 +33,10 @@ class Pictures(Protocol):
     def rates(self) -> tuple[int, ...]:
         """Return the bit/s of the qualities there are, the best first."""
 
-    def watch(self, number: int, rung: int = 0) -> None:
+    def watch(self, number: int, layer: int = 0) -> None:
         """Say that `number` more watch one of them."""
 
-    def ask_key_frame(self, reason: Reason, rung: int = 0) -> None:
+    def ask_key_frame(self, reason: Reason, layer: int = 0) -> None:
         """Ask for a key frame of one of them."""
 
 
@@ -65,7 +65,7 @@ class Viewer:
         *,
         camera: Pictures | None,
         microphone: Sounds | None,
-        on_command: Callable[[Heard], None],
+        on_command: Callable[[ReceivedPacket], None],
         on_end: Callable[[str], None],
         on_media: Callable[[Kind, bytes, int], None] | None = None,
         relays: Relays | None = None,
@@ -76,8 +76,8 @@ class Viewer:
         self._on_command = on_command
         self._clock = ClockTeller()
         self._pictures = FrameQueue(self._ask_camera, self._tell_clock, self._lost) if camera is not None else None
-        self._climb = BitrateAdapter(camera.rates if camera is not None else (0,), time.monotonic())
-        self._rung = self._coming = 0  # the quality that is shown, and the one whose next key frame takes over
+        self._adapter = BitrateAdapter(camera.rates if camera is not None else (0,), time.monotonic())
+        self._layer = self._coming = 0  # the quality that is shown, and the one whose next key frame takes over
         origin = random.randrange(1 << 32)  # noqa: S311 -- RFC 3550 wants it random, SRTP does not depend on it
         self._sparse = {suffix: Cadence(period) for suffix, period in SPARSE.items()}
         self._sounds = SoundQueue(origin) if microphone is not None else None
@@ -88,12 +88,12 @@ class Viewer:
         self.takes_candidates = False
 
     @property
-    def gate(self) -> FrameGate:
+    def gate(self) -> PacketGate:
         """How much the page may say: a newer connection of the same page goes on with it, or connecting again would be a way to say more."""
         return self._page.gate
 
     @gate.setter
-    def gate(self, gate: FrameGate) -> None:
+    def gate(self, gate: PacketGate) -> None:
         self._page.gate = gate
 
     @property
@@ -130,16 +130,16 @@ class Viewer:
         """Queue a picture of the quality that this viewer's network takes, and leave the others."""
         if self._pictures is None:
             return
-        if self._climb.pauses(time.monotonic()):
+        if self._adapter.pauses(time.monotonic()):
             self._holed, self._begged = True, False
             return
         if self._holed and not self._is_mended_by(picture):
             return
-        if picture.rung == self._coming != self._rung and picture.key:
+        if picture.layer == self._coming != self._layer and picture.key:
             self._take_over(picture)
-        if picture.rung == self._rung:
+        if picture.layer == self._layer:
             self._shown = picture.rtp
-            self._pictures.more = self._climb.look(time.monotonic())
+            self._pictures.more = self._adapter.look(time.monotonic())
             self._pictures.put(picture)
             self._move()
 
@@ -150,7 +150,7 @@ class Viewer:
 
     def send(self, suffix: str, frame: str) -> None:
         """Send a frame on the data channel, or drop it; on a narrow network most of what a newer one replaces."""
-        if self._rung >= NARROW and (cadence := self._sparse.get(suffix)) is not None and not cadence.due(time.monotonic()):
+        if self._layer >= NARROW and (cadence := self._sparse.get(suffix)) is not None and not cadence.due(time.monotonic()):
             return
         self._page.send(frame)
 
@@ -164,7 +164,7 @@ class Viewer:
         return {
             "pictures": pictures.sent if pictures else 0,
             "restarts": pictures.queue.restarts if pictures else 0,
-            "rung": self._rung,
+            "rung": self._layer,
             "oversized": self._page.gate.counts["oversized"],
             "too_fast": self._page.gate.counts["too_fast"],
             "telemetry_dropped": self._page.dropped_telemetry,
@@ -187,8 +187,8 @@ class Viewer:
 
     def _change(self, number: int) -> None:
         if self._camera is not None:
-            for rung in {self._rung, self._coming}:
-                self._camera.watch(number, rung)
+            for layer in {self._layer, self._coming}:
+                self._camera.watch(number, layer)
         if self._microphone is not None:
             self._microphone.listen(number)
 
@@ -196,35 +196,35 @@ class Viewer:
 
     def _ask_camera(self, reason: Reason) -> None:
         if self._camera is not None:
-            self._camera.ask_key_frame(reason, self._rung)
+            self._camera.ask_key_frame(reason, self._layer)
 
-    def _take(self, heard: Heard) -> None:
+    def _take(self, heard: ReceivedPacket) -> None:
         if self._pictures is not None and isinstance(heard, CommandHeartbeat):
             age, sent = heard.frame_age, self._pictures.rate
             if age is not None and sent is not None:
-                self._climb.aged(time.monotonic(), age, sent)
+                self._adapter.aged(time.monotonic(), age, sent)
                 self._move()
         self._on_command(heard)
 
     def _lost(self, share: float) -> None:
-        self._climb.lost(time.monotonic(), share)
+        self._adapter.lost(time.monotonic(), share)
         self._move()
 
     def _move(self) -> None:
         """Ask for the quality where the climb stands; what is shown goes on until its first key frame is there."""
-        wanted = self._climb.rung
+        wanted = self._adapter.layer
         if self._camera is None or not self._watching or wanted == self._coming:
             return
-        if self._coming != self._rung:
+        if self._coming != self._layer:
             self._camera.watch(-1, self._coming)
         self._coming = wanted
-        if wanted != self._rung:
+        if wanted != self._layer:
             self._camera.ask_key_frame("joined", wanted)
             self._camera.watch(1, wanted)
 
     def _is_mended_by(self, picture: Picture) -> bool:
         """Tell whether pictures can go on after those that were left out, and ask for the one with which they can, once."""
-        self._holed = not (picture.key and picture.rung == self._coming)
+        self._holed = not (picture.key and picture.layer == self._coming)
         if self._holed and not self._begged and self._camera is not None:
             self._begged = True
             self._camera.ask_key_frame("joined", self._coming)
@@ -236,9 +236,9 @@ class Viewer:
             self._camera.ask_key_frame("joined", self._coming)
             return
         if self._watching:
-            self._camera.watch(-1, self._rung)
-        self._rung = self._coming
-        log.info("picture_quality peer=%s rung=%s", self.peer, self._rung)
+            self._camera.watch(-1, self._layer)
+        self._layer = self._coming
+        log.info("picture_quality peer=%s rung=%s", self.peer, self._layer)
 
     def _tell_clock(self, picture: Picture) -> None:
         clock = self._clock.tell(picture.rtp, picture.stamp, time.monotonic())

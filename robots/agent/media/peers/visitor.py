@@ -94,14 +94,14 @@ class VisitorMedia:
         """Return the one quality there is: what the visitor's page sends, whose rate nobody here knows."""
         return (0,)
 
-    def watch(self, number: int, rung: int = 0) -> None:  # noqa: ARG002 -- there is one
+    def watch(self, number: int, layer: int = 0) -> None:  # noqa: ARG002 -- there is one
         """Note that `number` more screens are connected, fewer when negative."""
         self._screens += number
 
     def listen(self, number: int) -> None:
         """Nothing to begin: what the visitor says comes anyway."""
 
-    def ask_key_frame(self, reason: Reason, rung: int = 0) -> None:  # noqa: ARG002 -- as above
+    def ask_key_frame(self, reason: Reason, layer: int = 0) -> None:  # noqa: ARG002 -- as above
         """Ask the visitor's page for a key frame, not too often."""
         self._keys.ask(reason)
         if self._keys.is_due(time.monotonic()):

@@ -246,12 +246,12 @@ async def _receive_nothing(_parameters: Any) -> None:
     pass
 
 
-def tap(receiver: RTCRtpReceiver, take: Callable[[bytes, int], None]) -> None:
+def on_encoded_frame(receiver: RTCRtpReceiver, take: Callable[[bytes, int], None]) -> None:
     """Have `take` called on the loop with (encoded picture or sound, RTP ticks from 0) instead of it being decoded.
 
     Call it before the connection is up. Putting packets together, asking again for lost ones and telling the sender stay aiortc's.
     """
-    setattr(receiver, "_RTCRtpReceiver__decoder_queue", _Tap(take))  # noqa: B010 -- as above
+    setattr(receiver, "_RTCRtpReceiver__decoder_queue", _EncodedFrameTap(take))  # noqa: B010 -- as above
 
 
 async def ask_key_frame(receiver: RTCRtpReceiver) -> None:
@@ -262,13 +262,13 @@ async def ask_key_frame(receiver: RTCRtpReceiver) -> None:
             await receiver._send_rtcp_pli(ssrc)
 
 
-def speak_only(transceiver: RTCRtpTransceiver, codec: str) -> None:
+def restrict_codec(transceiver: RTCRtpTransceiver, codec: str) -> None:
     """Let the page send with one codec alone, such as `video/VP8`; what is lost it sends again in the same stream."""
     wanted = [c for c in RTCRtpSender.getCapabilities(transceiver.kind).codecs if c.mimeType.lower() == codec.lower()]
     transceiver.setCodecPreferences(wanted)
 
 
-def believe(connection: RTCPeerConnection, context: ssl.SSLContext) -> None:
+def set_turn_tls_context(connection: RTCPeerConnection, context: ssl.SSLContext) -> None:
     """Have a relay that is reached over TLS believed by `context`, before addresses are gathered; aiortc believes whom the system does."""
     for transport in connection._RTCPeerConnection__iceTransports:  # type: ignore[attr-defined]
         ice = transport.iceGatherer._connection
@@ -276,7 +276,7 @@ def believe(connection: RTCPeerConnection, context: ssl.SSLContext) -> None:
             ice.turn_ssl = context
 
 
-class _Tap(queue.Queue[Any]):
+class _EncodedFrameTap(queue.Queue[Any]):
     """Takes the place of the queue to aiortc's decoder, whose thread then sleeps until the end."""
 
     def __init__(self, take: Callable[[bytes, int], None]) -> None:

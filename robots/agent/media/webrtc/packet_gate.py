@@ -9,14 +9,14 @@ from robots.api.errors import Rejection
 from robots.api.messages import Action, CommandHeartbeat, EStop, PointCommand, Stop, VelocityCommand
 
 Command = VelocityCommand | Action | CommandHeartbeat | PointCommand
-Heard = Command | Rejection
+ReceivedPacket = Command | Rejection
 Verdict = Literal["accepted", "oversized", "too_fast"]
 Kind = Literal["velocity", "stop", "heartbeat", "point", "action", "nonsense"]
 
 MAX_BYTES = 64 * 1024
 
 
-class FrameGate:
+class PacketGate:
     """The token buckets of one peer, and a count of what they let through or not. Times are monotonic, in seconds.
 
     Each kind of message has a bucket of its own, so that nothing else that a page says can use up the one of its stops. A page that drives
@@ -37,7 +37,7 @@ class FrameGate:
         self.floods = False
         self.counts: Counter[Verdict] = Counter()
 
-    def take(self, frame: str | bytes, now: float) -> Heard | None:
+    def take(self, frame: str | bytes, now: float) -> ReceivedPacket | None:
         """Return what a frame says, or why that cannot be read; None when it is too large or one too many."""
         heard = None if len(frame) > MAX_BYTES else decoded(frame)
         verdict: Verdict = "oversized" if heard is None else "accepted"
@@ -50,7 +50,7 @@ class FrameGate:
         return None
 
 
-def decoded(frame: str | bytes) -> Heard:
+def decoded(frame: str | bytes) -> ReceivedPacket:
     """Return the command that a frame of a data channel holds, or why it holds none."""
     try:
         suffix, message = decode_frame(frame, "to_robot")
@@ -59,7 +59,7 @@ def decoded(frame: str | bytes) -> Heard:
     return message if isinstance(message, Command) else Rejection("not_from_server", suffix)
 
 
-def _kind(heard: Heard) -> Kind:
+def _kind(heard: ReceivedPacket) -> Kind:
     match heard:
         case Stop() | EStop():
             return "stop"

@@ -12,7 +12,7 @@ from typing import Any
 SAY_AGAIN = 0.25  # s; unordered messages are handed over as they come, so nothing waits for it
 
 
-def calm(transport: Any) -> None:
+def limit_forward_tsn(transport: Any) -> None:
     """Have an `RTCSctpTransport` tell its receiver at most every `SAY_AGAIN` s what to step over."""
     update = transport._update_advanced_peer_ack_point
     said = float("-inf")

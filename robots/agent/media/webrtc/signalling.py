@@ -24,7 +24,7 @@ from aiortc.exceptions import InternalError, InvalidAccessError, InvalidStateErr
 
 from robots.agent.media.peers.frame_queue import FrameQueue, SoundQueue
 from robots.agent.media.webrtc import aiortc_hooks, sctp, sdp
-from robots.agent.media.webrtc.packet_gate import FrameGate, Heard
+from robots.agent.media.webrtc.packet_gate import PacketGate, ReceivedPacket
 from robots.agent.media.webrtc.relays import Relays
 from robots.api.messages import Candidate, Offer
 from robots.cancellation import cancel
@@ -61,12 +61,12 @@ class PageConnection:
     peer: str
     pictures: FrameQueue | None
     sounds: SoundQueue | None
-    on_command: Callable[[Heard], None]
+    on_command: Callable[[ReceivedPacket], None]
     on_open: Callable[[], None]
     on_end: Callable[[str], None]
     on_media: Callable[[sdp.Kind, bytes, int], None] | None = None
     relays: Relays = field(default_factory=Relays)
-    gate: FrameGate = field(default_factory=FrameGate)
+    gate: PacketGate = field(default_factory=PacketGate)
     channels: list[RTCDataChannel] = field(default_factory=list)
     dropped_telemetry: int = 0
     _connection: RTCPeerConnection | None = None
@@ -120,7 +120,7 @@ class PageConnection:
     async def _gather(self, connection: RTCPeerConnection) -> None:
         """Find our own addresses, of which the answer is made; a server that answered lately and is silent now holds that up, but once."""
         if self.relays.trust is not None:
-            aiortc_hooks.believe(connection, self.relays.trust)
+            aiortc_hooks.set_turn_tls_context(connection, self.relays.trust)
         began = time.monotonic()
         await connection.setLocalDescription(await connection.createAnswer())
         if time.monotonic() - began > LONG_GATHERING:
@@ -185,9 +185,9 @@ class PageConnection:
 
     def _listen_to(self, transceiver: RTCRtpTransceiver, kind: sdp.Kind) -> None:
         assert self.on_media is not None
-        aiortc_hooks.tap(transceiver.receiver, functools.partial(self.on_media, kind))
+        aiortc_hooks.on_encoded_frame(transceiver.receiver, functools.partial(self.on_media, kind))
         if kind == "video":
-            aiortc_hooks.speak_only(transceiver, _CODECS[kind])
+            aiortc_hooks.restrict_codec(transceiver, _CODECS[kind])
             self._face = transceiver.receiver
 
     def _add_candidate(self, text: str, mid: str | None, index: int | None) -> None:
@@ -217,7 +217,7 @@ class PageConnection:
             return
         self.channels.append(channel)
         if len(self.channels) == 1:  # they share one
-            sctp.calm(channel.transport)
+            sctp.limit_forward_tsn(channel.transport)
         channel.on("message", self._on_message)
         self.on_open()
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from robots.agent.navigation.obstacles.local_map import Surroundings
+from robots.agent.navigation.obstacles.local_map import LocalObstacleMap
 from robots.agent.navigation.planning.planner import Planner
 from robots.api.floorplan import FloorPlan
 from robots.world.sensing import Floats
@@ -15,12 +15,12 @@ ONE_THING = 0.8  # metres about a blocked point that count as blocked for the sa
 
 
 def what_blocks(
-    surroundings: Surroundings, planner: Planner, plan: FloorPlan | None, *, way: tuple[tuple[float, float], tuple[float, float]], now: float
+    obstacle_map: LocalObstacleMap, planner: Planner, plan: FloorPlan | None, *, way: tuple[tuple[float, float], tuple[float, float]], now: float
 ) -> str:
     """Return why no way leads now from the one point of `way` to the other."""
     start, goal = way
-    costmap = surroundings.costmap
-    clearance = surroundings.clearance(now)
+    costmap = obstacle_map.costmap
+    clearance = obstacle_map.clearance(now)
     if planner.place_near(*start, clearance, 0.6) is None:
         return "the robot is boxed in: it has no room to move"
     usual = planner.plan(start, goal, costmap.clearance)
@@ -28,13 +28,13 @@ def what_blocks(
         return "no way leads to the goal on the map"
     if float(costmap.sample(clearance, np.array([goal]))[0]) < costmap.least:
         return "something stands on the goal"
-    found = list(dict.fromkeys(_at(surroundings, plan, spot, now) for spot in _spots(surroundings, planner, way, clearance)))
+    found = list(dict.fromkeys(_at(obstacle_map, plan, spot, now) for spot in _spots(obstacle_map, planner, way, clearance)))
     return f"blocked: {_and(found)}" if found else "the way is too narrow for the robot"
 
 
-def _spots(surroundings: Surroundings, planner: Planner, way: tuple[tuple[float, float], tuple[float, float]], clearance: Floats) -> list[Floats]:
+def _spots(obstacle_map: LocalObstacleMap, planner: Planner, way: tuple[tuple[float, float], tuple[float, float]], clearance: Floats) -> list[Floats]:
     """Return the points (2,) at which the ways of the map are blocked: that of the usual one, that of the next best, and so on."""
-    costmap, spots, known = surroundings.costmap, list[Floats](), np.zeros(surroundings.costmap.shape, dtype=np.bool_)
+    costmap, spots, known = obstacle_map.costmap, list[Floats](), np.zeros(obstacle_map.costmap.shape, dtype=np.bool_)
     for _ in range(WAYS):
         path = planner.plan(*way, costmap.clearance_with(known))
         if path is None:
@@ -50,10 +50,10 @@ def _spots(surroundings: Surroundings, planner: Planner, way: tuple[tuple[float,
     return spots
 
 
-def _at(surroundings: Surroundings, plan: FloorPlan | None, spot: Floats, now: float) -> str:
+def _at(obstacle_map: LocalObstacleMap, plan: FloorPlan | None, spot: Floats, now: float) -> str:
     """Return what is in the way at a point (2,)."""
     x, y = float(spot[0]), float(spot[1])
-    closed = surroundings.doors.closed(now)
+    closed = obstacle_map.doors.closed(now)
     door = next((door for door in (plan.doors if plan else ()) if _distance(door.start, door.end, x, y) <= AT_DOOR), None)
     if door:
         return f"{door.title} is closed" if door in closed else f"something stands in the doorway ({door.title})"

@@ -17,7 +17,7 @@ NEAR = 1.6  # metres from the robot at which somebody is remembered
 POINTS = 12  # of a sweep at most
 
 
-class Passers:
+class LostObstacles:
     """Points of people, in the frame of the odometry, with the times at which they were seen."""
 
     def __init__(self) -> None:

@@ -28,7 +28,7 @@ FLICKER = 1.0  # a mark that comes back within this time was never away: seconds
 BRIEFLY, AT_LONGEST, BY_AGE = 5.0, 60.0, 10.0  # how long marks are kept out of sight: seconds, and seconds a second of standing there
 
 
-class Surroundings:
+class LocalObstacleMap:
     """The map of `costmap` with what was seen lately."""
 
     def __init__(self, costmap: CostMap, plan: FloorPlan | None) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from robots.agent.navigation.assistance.braking import BrakeCheck
 from robots.agent.navigation.obstacles.blocked_reason import what_blocks
-from robots.agent.navigation.obstacles.local_map import Surroundings
+from robots.agent.navigation.obstacles.local_map import LocalObstacleMap
 from robots.agent.navigation.planning.follower import Followed, Follower
 from robots.agent.navigation.planning.path import Path
 from robots.agent.navigation.planning.planner import GOAL_REACH, Planner
@@ -63,10 +63,10 @@ class Journey:
     """The way over some points (n, 2), in order, to the last of them; all must be places where the map lets the robot stand."""
 
     def __init__(
-        self, surroundings: Surroundings, planner: Planner, check: BrakeCheck, limits: Limits, plan: FloorPlan | None,
+        self, obstacle_map: LocalObstacleMap, planner: Planner, check: BrakeCheck, limits: Limits, plan: FloorPlan | None,
         *, over: Sequence[tuple[float, float]], heading: float | None,
     ) -> None:  # fmt: skip
-        self._surroundings, self._planner, self._limits, self._plan = surroundings, planner, limits, plan
+        self._obstacle_map, self._planner, self._limits, self._plan = obstacle_map, planner, limits, plan
         self._check, self._follower = check, Follower(check, limits)
         self._over, self._heading = list(over), heading
         self._ways: list[float] = []  # along the path to each point that is left
@@ -118,7 +118,7 @@ class Journey:
             self._take(self._way(sense))
         elif now - self._shorter >= SHORTER_EVERY:
             self._shorter = now
-            clearance = self._surroundings.clearance(now)
+            clearance = self._obstacle_map.clearance(now)
             if clearance is self._planned_in:  # nothing has changed since: what was the best way still is
                 return
             found = self._way(sense)
@@ -127,10 +127,10 @@ class Journey:
 
     def _way(self, sense: Sense) -> _Way | None:
         """Return a way over the points that are left; where none is known, one to a closer look at what is in the way."""
-        self._planned_in = self._surroundings.clearance(sense.now)
+        self._planned_in = self._obstacle_map.clearance(sense.now)
         found = self._through(sense, self._planned_in)
         if found is None and self._closer_looks < CLOSER_LOOKS:
-            found = self._through(sense, self._surroundings.clearance_nearby(sense.pose, sense.now))
+            found = self._through(sense, self._obstacle_map.clearance_nearby(sense.pose, sense.now))
             self._closer_looks += 1 if found else 0
         return found
 
@@ -167,12 +167,12 @@ class Journey:
 
     def _blocked(self, sense: Sense) -> bool:
         ahead = self._follower.path.between(self._follower.way + 0.1, self._follower.way + LOOK_AHEAD)
-        costmap = self._surroundings.costmap
+        costmap = self._obstacle_map.costmap
         least = np.minimum(costmap.least, costmap.sample(costmap.clearance, ahead))  # a start in a tight spot is no block
         if self._closer_looks > 0:
-            room = costmap.sample(self._surroundings.clearance_nearby(sense.pose, sense.now), ahead)
+            room = costmap.sample(self._obstacle_map.clearance_nearby(sense.pose, sense.now), ahead)
         else:
-            room = self._surroundings.room_at(ahead, sense.now)
+            room = self._obstacle_map.room_at(ahead, sense.now)
         return bool((room < least - costmap.transform.resolution).any())
 
     # --- getting on -----------------------------------------------------------------------------------------------------
@@ -185,7 +185,7 @@ class Journey:
             return self._running(followed.velocity, "")
         waited = sense.now - self._held.now
         if followed.why == "thing" and waited >= HELD and self._back_offs < BACK_OFFS:
-            self._surroundings.note(sense.pose, np.vstack([sense.hazards.things, sense.hazards.strangers]), sense.now)
+            self._obstacle_map.note(sense.pose, np.vstack([sense.hazards.things, sense.hazards.strangers]), sense.now)
             self._back, self._held = _Back(sense, BACK_OFF, self._way_out(sense)), None
             self._back_offs += 1
         elif followed.why == "walker" and waited >= GIVE_WAY_AFTER:
@@ -237,11 +237,11 @@ class Journey:
         if sense.now - self._no_way_since < patience:
             return self._running(ZERO, "waits, because no way is free")
         way = ((sense.pose.x, sense.pose.y), self._over[-1])
-        return failed(what_blocks(self._surroundings, self._planner, self._plan, way=way, now=sense.now))
+        return failed(what_blocks(self._obstacle_map, self._planner, self._plan, way=way, now=sense.now))
 
     def _aim_beside(self, now: float) -> None:
         """Aim for the nearest free place when something stands on the goal."""
-        beside = self._planner.place_near(*self._over[-1], self._surroundings.clearance(now), GOAL_REACH - self._beside)
+        beside = self._planner.place_near(*self._over[-1], self._obstacle_map.clearance(now), GOAL_REACH - self._beside)
         if beside is not None and beside != self._over[-1]:
             self._beside += math.dist(beside, self._over[-1])
             self._over[-1] = beside

@@ -89,16 +89,16 @@ class Simulation:
         self.tilt = model.tilt.home if model.tilt else 0.0
         self.tilt_target = self.tilt
         self.faults: Faults = SOUND
-        self._crowd: Pedestrians | None = None
+        self._pedestrians: Pedestrians | None = None
         self.docked = False  # whether the charging contacts meet
         self._refuse_blocked(start, self.pose)
-        self._crowd = Pedestrians(plan, people, self.doors, (self.pose.x, self.pose.y), streams[4]) if people else None
+        self._pedestrians = Pedestrians(plan, people, self.doors, (self.pose.x, self.pose.y), streams[4]) if people else None
         self.docked = self._in_dock()
 
     @property
     def people(self) -> tuple[Person, ...]:
         """Everybody who walks about, as they are now."""
-        return self._crowd.people if self._crowd else ()
+        return self._pedestrians.people if self._pedestrians else ()
 
     @property
     def doors(self) -> dict[str, DoorState]:
@@ -113,7 +113,7 @@ class Simulation:
     @property
     def bumped(self) -> int:
         """How often somebody walked into the robot; `contacts` counts what the robot ran into."""
-        return self._crowd.bumped if self._crowd else 0
+        return self._pedestrians.bumped if self._pedestrians else 0
 
     def outline(self) -> Floats:
         """Return the footprint (n, 2) in the world."""
@@ -158,8 +158,8 @@ class Simulation:
             self.tilt = head.step(self.tilt, self.tilt_target, self.model.tilt, dt)
         if self._target() != STILL or self.motion != STILL:
             self._drive(dt)
-        if self._crowd:
-            self._crowd.step(dt, self.doors, self.footprint, self.pose, self._doors.moving)
+        if self._pedestrians:
+            self._pedestrians.step(dt, self.doors, self.footprint, self.pose, self._doors.moving)
         self.docked = self._in_dock()
         effort = max(abs(self.motion.linear) / self.model.limits.linear, abs(self.motion.angular) / self.model.limits.angular)
         self.charge = battery.step(self.charge, self.model.battery, effort, dt, charging=self.docked)
@@ -243,7 +243,7 @@ class Simulation:
 
     def _count_contacts(self, others: tuple[Shape, ...], touched: frozenset[str]) -> None:
         """A contact begins with a touch and is over when the gap has opened again; nosing into a dock is none."""
-        excused = {name_of(person) for person in self.people if self._crowd and self._crowd.just_bumped(person.look, BUMP_TIME)}
+        excused = {name_of(person) for person in self.people if self._pedestrians and self._pedestrians.just_bumped(person.look, BUMP_TIME)}
         shapes = {each.solid.name: each for each in (*self.obstacles.shapes, *others)}
         began = [name for name in touched - self.touching - excused if shapes[name].solid.kind != "station"]
         self.contacts += len(began)

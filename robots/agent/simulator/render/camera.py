@@ -39,7 +39,7 @@ class SceneCamera:
         self._canvas = Canvas(self.scene, model.camera.width, model.camera.height)
         self._body = gather(self.scene.body)
         self._picture: Image = np.zeros((model.camera.height * 3 // 2, model.camera.width), dtype=np.uint8)
-        self._figures = Figures(self.scene.atlas)
+        self._figures = Figures(self.scene.texture_atlas)
         self._lenses: dict[float, Lens] = {}
         self._doors = {door.name: door for door in plan.doors}
         self._shown: tuple[Pose2D, float, dict[str, Opening], tuple[Person, ...]] | None = None

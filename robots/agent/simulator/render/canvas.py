@@ -213,7 +213,7 @@ class Canvas:
         if item.holes:
             places = _cut(self._places, part)
             np.copyto(places, index)
-            np.logical_and(mask, self._scene.atlas.luma.take(places, mode="clip") != HOLE, out=mask)
+            np.logical_and(mask, self._scene.texture_atlas.luma.take(places, mode="clip") != HOLE, out=mask)
         np.copyto(self._texels[where], index, where=mask)
 
     def _paint_face(self, lens: Lens, eye: Eye, sight: Sight, plane: float, part: Window, stencil: Mask | None) -> None:
@@ -257,14 +257,14 @@ class Canvas:
     def develop(self, out: Image) -> None:
         """Fetch the texels into `out`, (height * 3 / 2, width), contiguous: the rows of Y, then U and V at half the size."""
         _, pairs, width = self._texels.shape
-        atlas = self._scene.atlas
+        texture_atlas = self._scene.texture_atlas
         luma, (blue, red) = in_pairs(out[: ROWS * pairs]), out[ROWS * pairs :].reshape(2, pairs, width // 2)
         for part in _bands(Window(0, ROWS * pairs, 0, width)):
             rows, places = slice(part.top // ROWS, part.bottom // ROWS), _cut(self._places, part)
             np.copyto(places, self._texels[:, rows])
-            np.copyto(luma[:, rows], atlas.luma.take(places, out=_cut(self._octets, part), mode="clip"))
+            np.copyto(luma[:, rows], texture_atlas.luma.take(places, out=_cut(self._octets, part), mode="clip"))
             coarse = places[0, :, ::2]
-            chroma = atlas.chroma.take(coarse, out=self._chroma[: coarse.size].reshape(coarse.shape), mode="clip").view(np.uint8)
+            chroma = texture_atlas.chroma.take(coarse, out=self._chroma[: coarse.size].reshape(coarse.shape), mode="clip").view(np.uint8)
             blue[rows], red[rows] = chroma[:, 0::2], chroma[:, 1::2]
 
     def darken(self, lens: Lens, eye: Eye, walls: Walls, place: tuple[float, float], out: Image) -> None:

@@ -28,10 +28,10 @@ Key = tuple[int, int, int]
 
 
 class Figures:
-    """Draws people when they are seen; keeps what it drew, in `atlas`."""
+    """Draws people when they are seen; keeps what it drew, in `texture_atlas`."""
 
-    def __init__(self, atlas: TextureAtlas) -> None:
-        self._atlas = atlas
+    def __init__(self, texture_atlas: TextureAtlas) -> None:
+        self._atlas = texture_atlas
         self._kept: dict[Key, tuple[Upright, float, float, float]] = {}
 
     def things(self, people: tuple[Person, ...], origin: Floats) -> Things:

@@ -95,7 +95,7 @@ class Scene:
     """
 
     ceiling: float
-    atlas: TextureAtlas
+    texture_atlas: TextureAtlas
     walls: Floats
     wall_offsets: npt.NDArray[np.intp]
     wall_columns: npt.NDArray[np.intp]
@@ -123,7 +123,7 @@ class Builder:
     def __init__(self, plan: FloorPlan, seed: int) -> None:
         self.plan = plan
         self.rng = np.random.default_rng([seed, 7])
-        self.atlas = TextureAtlas()
+        self.texture_atlas = TextureAtlas()
         self.lights: Lights = hang(plan)
 
     def build(self, model: RobotModel) -> Scene:
@@ -139,7 +139,7 @@ class Builder:
         leaves = {(d.name, s): self._item(d.name, furniture.leaf_block(d, s, self.rng)) for d in self.plan.doors for s in states}
         body = tuple(self._item("robot", block, lit=False) for block in furniture.body_blocks(model.body, self.rng))
         return Scene(
-            ceiling=self.plan.ceiling, atlas=self.atlas, walls=walls,
+            ceiling=self.plan.ceiling, texture_atlas=self.texture_atlas, walls=walls,
             wall_offsets=np.array([u.offsets for u in uprights], dtype=np.intp).T.copy(),
             wall_columns=np.array([u.columns for u in uprights], dtype=np.intp).T.copy(),
             wall_rows=uprights[0].rows, wall_lengths=np.hypot(walls[:, 2] - walls[:, 0], walls[:, 3] - walls[:, 1]),
@@ -159,7 +159,7 @@ class Builder:
             for look, start, end in zip(looks, outline, np.roll(outline, -1, axis=0), strict=True):
                 if self._is_seen(start, end):
                     faces.append(np.hstack([start, end]))
-                    uprights.append(self.atlas.upright(self._wall_picture(look, start, end)))
+                    uprights.append(self.texture_atlas.upright(self._wall_picture(look, start, end)))
         return np.array(faces), uprights
 
     def _is_seen(self, start: Floats, end: Floats) -> bool:
@@ -248,7 +248,7 @@ class Builder:
         sides = np.hstack([outline, np.roll(outline, -1, axis=0)])
         block = Block(sides, opening.height, self.plan.ceiling, tuple(faces), None, WALL_DENSITY)
         item = self._item(f"lintel of {opening.name}", block)
-        return [dataclasses.replace(item, under=self.atlas.colour(WHITE * np.float32(0.72)))]
+        return [dataclasses.replace(item, under=self.texture_atlas.colour(WHITE * np.float32(0.72)))]
 
     def _look_beside(self, opening: Door | Passage, *, right: bool) -> Surface:
         """Return how the wall looks that goes on beside an opening."""
@@ -267,7 +267,7 @@ class Builder:
         low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
         floor = self._floor(low, high)
         roof = self._roof(low, high)
-        return self.atlas.flat(floor), self.atlas.flat(roof, 1), low
+        return self.texture_atlas.flat(floor), self.texture_atlas.flat(roof, 1), low
 
     def _floor(self, low: Floats, high: Floats) -> Picture:
         x, y = _texels(low, high, FLOOR_DENSITY)
@@ -350,7 +350,7 @@ class Builder:
         for picture, side in zip(block.pictures, block.sides, strict=True):
             if lit and not block.glow:
                 light_wall(picture, self.lights, side[:2], side[2:], bottom=block.bottom, top=block.top, corners=False)
-            uprights.append(self.atlas.upright(picture))
+            uprights.append(self.texture_atlas.upright(picture))
         return Item(
             group=group, sides=block.sides, bottom=block.bottom, top=block.top, density=block.density,
             offsets=np.array([u.offsets for u in uprights], dtype=np.intp).T.copy(),
@@ -367,10 +367,10 @@ class Builder:
         light = self.lights.at(point, np.array([[0.0, 0.0, 1.0]]), room)[0].astype(np.float32) if lit and not block.glow else np.float32(1.0)
         shade: Picture = block.lid * light
         if shade.ndim == 1:
-            return Lid(self.atlas.colour(shade.astype(np.float32)))
+            return Lid(self.texture_atlas.colour(shade.astype(np.float32)))
         origin, right, up = block.sides[0, :2], block.sides[1, :2], block.sides[3, :2]
         axes = np.stack([(right - origin) / math.dist(right, origin), (up - origin) / math.dist(up, origin)]) * block.density
-        flat = self.atlas.flat(shade, 1)
+        flat = self.texture_atlas.flat(shade, 1)
         return Lid(flat.offsets[0], flat.widths[0], flat.heights[0], axes, -axes @ origin)
 
 

@@ -15,7 +15,7 @@ from tests.support.drive_page import until as until_within
 from tests.support.fake_robot_page import FakeRobotPage
 from tests.support.patience import patient
 from tests.support.scene_source import SceneSource
-from tests.support.tourist import PAD
+from tests.support.scripted_visitor import PAD
 
 pytestmark = [pytest.mark.browser, pytest.mark.asyncio(loop_scope="module")]
 PATIENCE = 40.0  # s: the page's own seconds are slow on a busy computer

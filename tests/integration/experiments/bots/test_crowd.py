@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 from experiments.bots.browser import Browser
 from experiments.bots.cockpit import Cockpit
-from experiments.bots.crowd import Crowd, Plan
+from experiments.bots.crowd import BotGroup, Plan
 from robots.api.messages import Heartbeat
 from tests.support.patience import patient
 from tests.support.robot_socket import RobotSocket
@@ -23,7 +23,7 @@ class Driving:
 async def test_whoever_lost_the_network_or_closed_the_page_holds_nobody_up():
     async with RobotSocket() as server:
         cockpit = Cockpit(Browser(server.url), "/ws/robots/giraff/", "keyboard")
-        crowd = Crowd(Plan("", [], [], seed=1), clock=lambda: time.time() + LATER)
+        crowd = BotGroup(Plan("", [], [], seed=1), clock=lambda: time.time() + LATER)
         crowd._living = {Driving(cockpit)}
         await cockpit.connect()
         cockpit.take()

@@ -31,25 +31,25 @@ def study():
     return study
 
 
-def pauses(homecoming: ReturnToDock, seq: int) -> None:
+def pauses(return_to_dock: ReturnToDock, seq: int) -> None:
     """The robot's emergency stop is on while it should go home."""
     Robot.objects.update(turnaround="returning", turnaround_reason="dock")
     heard = RobotLiveness()
     heard.take(words.state(seq, safety=m.Safety(estop=True)), NOW.timestamp())
-    homecoming.look({"giraff": heard}, NOW)
+    return_to_dock.look({"giraff": heard}, NOW)
 
 
 def test_owners_and_researchers_are_told_once_a_pause_and_the_reason_is_in_the_log(study):
-    homecoming = ReturnToDock()
-    pauses(homecoming, 1)
+    return_to_dock = ReturnToDock()
+    pauses(return_to_dock, 1)
     Robot.objects.update(turnaround="paused")
-    homecoming.look({}, NOW)
-    homecoming.look({}, NOW)
+    return_to_dock.look({}, NOW)
+    return_to_dock.look({}, NOW)
     assert [(message.bcc, message.to) for message in mail.outbox] == [(["olga@example.org", "rita@example.org"], [])]
     assert "its emergency stop is on" in mail.outbox[0].body
     assert "Giraff" in mail.outbox[0].subject
     assert SystemLog.objects.get(event="queue_paused").fields == {"reason": "estop"}
-    pauses(homecoming, 2)
+    pauses(return_to_dock, 2)
     assert len(mail.outbox) == 2
 
 

@@ -17,7 +17,7 @@ from experiments.tasks import finalization
 from experiments.tasks.engine import TaskEngine
 from experiments.tasks.finalization import Settler, settle
 from experiments.tasks.records import FirstFrame, PhotoAnswer, PhotoFailed, PhotoTaken, Record, Seen
-from experiments.tasks.replay_check import told_otherwise
+from experiments.tasks.replay_check import discrepancies
 from experiments.tasks.stored_records import stored
 from robots.api import messages as m
 from robots.models import Robot
@@ -99,13 +99,13 @@ def test_a_record_that_gives_something_else_than_is_stored_is_named(robot):
     write(drive, records)
     drive = settled(close(drive, outcome="completed", reason="task", at=records[-1].at + 0.5))
     rng = np.random.default_rng(7)
-    assert told_otherwise([drive], rng) == []
+    assert discrepancies([drive], rng) == []
     event = TaskEvent.objects.filter(drive=drive, type="checkpoint").first()
     TaskEvent.objects.filter(pk=event.pk).update(stamp=event.stamp - 1.0)
-    (sentence,) = told_otherwise([drive], rng)
+    (sentence,) = discrepancies([drive], rng)
     assert "other events" in sentence
     drive.outcome = "timed_out"
-    (sentence,) = told_otherwise([drive], rng)
+    (sentence,) = discrepancies([drive], rng)
     assert "it is completed, stored is timed_out" in sentence
 
 

@@ -159,7 +159,7 @@ def test_docking_at_the_last_moment_counts_though_the_state_comes_late(robot):
     runner.look(now=at(limit + 0.5))
     late = Seen(limit - 0.1, "boot", 5000, 0.5, 2.0, 3.1, docked=True, contact=True)
     about = {"session": str(drive.session_id), "received_at": limit + 0.6, "clock_offset": AHEAD}
-    runner.hear_state(robot="giraff", state=state_of(late, drive), **about)
+    runner.on_state(robot="giraff", state=state_of(late, drive), **about)
     assert (Session.objects.get().outcome, Session.objects.get().outcome_reason) == ("completed", "task")
 
 
@@ -224,7 +224,7 @@ def test_another_robot_and_another_session_have_no_say(robot):
         if isinstance(record, Seen):
             say(runner, drive, record, robot="rhodon")
     assert TaskEvent.objects.count() == 0
-    runner.hear_message(robot="", session="no session at all", message=message_of(records[1]), received_at=1.0, clock_offset=None)
+    runner.on_message(robot="", session="no session at all", message=message_of(records[1]), received_at=1.0, clock_offset=None)
     assert shown() == []
 
 
@@ -248,7 +248,7 @@ def test_a_practice_drive_ends_after_its_minutes(robot):
     runner.look(now=at(start + 121.0))
     session = Session.objects.get()
     assert (session.outcome, session.outcome_reason) == ("completed", "time_over")
-    runner.hear_end(session=session)
+    runner.on_end(session=session)
     assert Drive.objects.get().outcome == "completed"
 
 
@@ -269,7 +269,7 @@ def test_a_session_that_ends_otherwise_gives_its_outcome_at_once_and_loses_nothi
     hear(runner, drive, records)
     store.end(str(drive.session_id), outcome, reason, at(records[-1].at + 1.0))
     Session.objects.update(first_motion_at=timezone.now())
-    runner.hear_end(session=Session.objects.get())
+    runner.on_end(session=Session.objects.get())
     told = Drive.objects.get()
     assert (told.outcome, told.exposed, told.settled_at) == (task, True, None)
     write(drive, records)

@@ -74,7 +74,7 @@ def test_without_help_nothing_is_shaped(robot, driven):
 def test_a_robot_that_localizes_itself_and_goes_nowhere_goes_by_our_navigation(robot, driven):
     rig = driven("5.0,1.0,3.1", navigation="none")
     assert "goto" in rig.robot.profile.capabilities
-    rig.wait(lambda: rig.robot.mind.ready, within=30.0)
+    rig.wait(lambda: rig.robot.node.ready, within=30.0)
     rig.grant(ttl=60.0)
     rig.act(m.Goto(action_id="g", stamp=0.0, session="s1", epoch=1, x=3.5, y=1.0))
     keeps_beating(rig, lambda: any(a.action_id == "g" and a.status in {"FINISHED", "FAILED"} for a in rig.link.all("action")))

@@ -27,13 +27,13 @@ class Ear:
     """A listener that keeps what it hears."""
 
     def __init__(self):
-        self.letters = []
+        self.inbound_messages = []
 
-    def hear(self, letter):
-        self.letters.append(letter)
+    def hear(self, inbound):
+        self.inbound_messages.append(inbound)
 
     def heard(self, suffix):
-        return [letter.message for letter in self.letters if letter.suffix == suffix]
+        return [inbound.message for inbound in self.inbound_messages if inbound.suffix == suffix]
 
 
 @pytest.fixture(params=KINDS)
@@ -138,11 +138,11 @@ async def test_news_of_a_session_go_to_its_followers_in_every_web_process(rig):
         here.follow("s1", one)
         there.follow("s1", two)
         there.follow("s2", other)
-        here.tell_session(m.ServerNews(type="warning", stamp=1.0, session="s1", remaining=9.0))
+        here.publish_session(m.ServerNews(type="warning", stamp=1.0, session="s1", remaining=9.0))
         await until(lambda: one.heard(NEWS) and two.heard(NEWS))
         there.unfollow("s1", two)
-        here.tell_session(m.ServerNews(type="ended", stamp=2.0, session="s1"))
-        here.tell_session(m.ServerNews(type="ended", stamp=2.0, session="s2"))
+        here.publish_session(m.ServerNews(type="ended", stamp=2.0, session="s1"))
+        here.publish_session(m.ServerNews(type="ended", stamp=2.0, session="s2"))
         await until(lambda: other.heard(NEWS) and len(one.heard(NEWS)) == 2)
         assert len(two.heard(NEWS)) == 1
 
@@ -296,8 +296,8 @@ async def test_a_picture_reaches_listeners_whole_and_what_is_none_is_counted(rig
         await robot.publish(topics.of("giraff", "picture"), picture.pack(1.0, jpeg[:3] + b"x" * 60_000 + jpeg[-2:]))
         await robot.publish(topics.of("giraff", "picture"), picture.pack(12.5, jpeg))
         await until(lambda: ear.heard("picture"))
-        (letter,) = [letter for letter in ear.letters if letter.suffix == "picture"]
-        assert letter.frame == b"picture\n" + picture.pack(12.5, jpeg)
+        (inbound,) = [inbound for inbound in ear.inbound_messages if inbound.suffix == "picture"]
+        assert inbound.frame == b"picture\n" + picture.pack(12.5, jpeg)
         assert bridge.counts["malformed"] == 1
         assert bridge.counts["oversized"] == 1
 

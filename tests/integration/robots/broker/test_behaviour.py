@@ -10,7 +10,7 @@ import pytest
 from robots.api.topics import of, session_news
 from robots.broker import packets
 from robots.broker.users import MAX_PACKET
-from tests.support.broker_rig import Heard, RawClient, connect_packet, framed, subscribe_packet, text, until_thrown_out
+from tests.support.broker_rig import RawClient, ReceivedPacket, connect_packet, framed, subscribe_packet, text, until_thrown_out
 from tests.support.patience import patient
 
 pytestmark = pytest.mark.broker
@@ -72,7 +72,7 @@ async def test_a_new_token_throws_out_who_holds_the_old_one(rig):
 async def test_revoking_one_robot_leaves_the_others_connected(rig):
     await rig.robot("giraff")
     await rig.robot("rhodon")
-    async with rig.client("web") as web, rig.client("rhodon") as rhodon, Heard(web) as heard:
+    async with rig.client("web") as web, rig.client("rhodon") as rhodon, ReceivedPacket(web) as heard:
         await web.subscribe("telepresence/v1/+/state", qos=1)
         gone = await RawClient.open(rig.port)
         await gone.connect("giraff", rig.tokens["giraff"])
@@ -87,7 +87,7 @@ async def test_revoking_one_robot_leaves_the_others_connected(rig):
 
 async def test_a_robots_outputs_reach_the_servers_and_servers_commands_reach_the_robot(rig):
     await rig.robot("giraff")
-    async with rig.client("web") as web, rig.client("giraff") as giraff, Heard(web) as server, Heard(giraff) as robot:
+    async with rig.client("web") as web, rig.client("giraff") as giraff, ReceivedPacket(web) as server, ReceivedPacket(giraff) as robot:
         await web.subscribe("telepresence/v1/+/#", qos=1)
         await giraff.subscribe(of("giraff", "signal/+"), qos=1)
         await giraff.subscribe(of("giraff", "command/velocity"), qos=0)
@@ -108,7 +108,7 @@ async def test_a_robots_outputs_reach_the_servers_and_servers_commands_reach_the
 )  # fmt: skip
 async def test_what_a_robot_may_not_write_reaches_nobody(rig, topic):
     await rig.robot("giraff")
-    async with rig.client("web") as web, Heard(web) as heard:
+    async with rig.client("web") as web, ReceivedPacket(web) as heard:
         await web.subscribe("telepresence/v1/#", qos=1)
         for qos in (0, 1):
             await publish_or_be_hung_up_on(rig, "giraff", topic, b"forged", qos)
@@ -116,7 +116,7 @@ async def test_what_a_robot_may_not_write_reaches_nobody(rig, topic):
             await giraff.publish(GIRAFF_STATE, b"true", qos=1)
         await heard.payload(GIRAFF_STATE, b"true")
         assert heard.payloads(topic) == []
-    async with rig.client("web") as web, Heard(web) as later:
+    async with rig.client("web") as web, ReceivedPacket(web) as later:
         await web.subscribe("telepresence/v1/#", qos=1)
         await web.publish(session_news("s2"), b"end", qos=1)
         await later.payload(session_news("s2"), b"end")
@@ -140,7 +140,7 @@ async def test_a_robot_hears_nothing_of_others_whatever_it_subscribes_to(rig, fi
     await rig.robot("rhodon")
     async with rig.client("web") as web, rig.client("giraff") as giraff:
         await web.publish(of("rhodon", "lease"), b"kept secret", qos=1, retain=True)
-        async with Heard(giraff) as heard:
+        async with ReceivedPacket(giraff) as heard:
             await subscribe_or_be_refused(giraff, filter_)
             await giraff.subscribe(of("giraff", "command/action"), qos=1)
             await web.publish(of("rhodon", "lease"), b"told secret", qos=1)
@@ -160,7 +160,7 @@ async def subscribe_or_be_refused(client, filter_):
 
 
 async def test_a_server_may_not_speak_for_a_robot(rig):
-    async with rig.client("web") as web, Heard(web) as heard:
+    async with rig.client("web") as web, ReceivedPacket(web) as heard:
         await web.subscribe("telepresence/v1/#", qos=1)
         for qos in (0, 1):
             await publish_or_be_hung_up_on(rig, "web", GIRAFF_STATE, b"forged", qos)
@@ -173,11 +173,11 @@ async def test_a_server_may_not_speak_for_a_robot(rig):
 
 
 async def test_a_retained_message_comes_with_retain_to_a_new_subscriber_and_without_to_an_old_one(rig):
-    async with rig.client("web") as old, Heard(old) as live:
+    async with rig.client("web") as old, ReceivedPacket(old) as live:
         await old.subscribe(GIRAFF_LEASE, qos=1)
         await old.publish(GIRAFF_LEASE, b"lease", qos=1, retain=True)
         assert not (await live.payload(GIRAFF_LEASE, b"lease")).retain
-        async with rig.client("web") as new, Heard(new) as stored:
+        async with rig.client("web") as new, ReceivedPacket(new) as stored:
             await new.subscribe(GIRAFF_LEASE, qos=1)
             assert (await stored.payload(GIRAFF_LEASE, b"lease")).retain
 
@@ -186,19 +186,19 @@ async def test_only_the_newest_retained_message_is_kept(rig):
     async with rig.client("web") as web:
         for payload in (b"one", b"two"):
             await web.publish(GIRAFF_LEASE, payload, qos=1, retain=True)
-        async with rig.client("web") as new, Heard(new) as stored:
+        async with rig.client("web") as new, ReceivedPacket(new) as stored:
             await new.subscribe("telepresence/v1/+/lease", qos=1)
             await stored.payload(GIRAFF_LEASE, b"two")
             assert stored.payloads(GIRAFF_LEASE) == [b"two"]
 
 
 async def test_an_empty_retained_message_deletes_what_was_kept_and_is_itself_delivered(rig):
-    async with rig.client("web") as web, Heard(web) as heard:
+    async with rig.client("web") as web, ReceivedPacket(web) as heard:
         await web.subscribe(GIRAFF_LEASE, qos=1)
         await web.publish(GIRAFF_LEASE, b"lease", qos=1, retain=True)
         await web.publish(GIRAFF_LEASE, b"", qos=1, retain=True)
         await heard.payload(GIRAFF_LEASE, b"")
-        async with rig.client("web") as new, Heard(new) as stored:
+        async with rig.client("web") as new, ReceivedPacket(new) as stored:
             await new.subscribe("telepresence/v1/#", qos=1)
             await web.publish(session_news("s1"), b"end", qos=1)
             await stored.payload(session_news("s1"), b"end")
@@ -212,7 +212,7 @@ async def test_a_client_that_comes_back_with_a_session_gets_no_retained_message_
         await web.subscribe("telepresence/v1/#", qos=1)
         await web.publish(of("rhodon", "lease"), b"secret", qos=1, retain=True)
         for _ in range(2):
-            async with rig.client("giraff", client_id="giraff-1", clean_session=False) as giraff, Heard(giraff) as heard:
+            async with rig.client("giraff", client_id="giraff-1", clean_session=False) as giraff, ReceivedPacket(giraff) as heard:
                 await giraff.subscribe(of("giraff", "command/action"), qos=1)
                 await web.publish(of("giraff", "command/action"), b"mine", qos=1)
                 await heard.payload(of("giraff", "command/action"), b"mine")
@@ -224,7 +224,7 @@ async def test_a_client_that_comes_back_with_a_session_gets_no_retained_message_
 
 @pytest.mark.parametrize(("published", "subscribed", "delivered"), [(0, 1, 0), (1, 0, 0), (1, 1, 1), (0, 0, 0), (2, 1, 1)])
 async def test_a_message_is_delivered_with_the_lesser_quality_of_service(rig, published, subscribed, delivered):
-    async with rig.client("web") as web, Heard(web) as heard:
+    async with rig.client("web") as web, ReceivedPacket(web) as heard:
         await web.subscribe(GIRAFF_LEASE, qos=subscribed)
         await web.publish(GIRAFF_LEASE, b"lease", qos=published)
         assert (await heard.payload(GIRAFF_LEASE, b"lease")).qos == delivered
@@ -232,7 +232,7 @@ async def test_a_message_is_delivered_with_the_lesser_quality_of_service(rig, pu
 
 
 async def test_subscribing_again_changes_the_quality_of_service(rig):
-    async with rig.client("web") as web, Heard(web) as heard:
+    async with rig.client("web") as web, ReceivedPacket(web) as heard:
         await web.subscribe(GIRAFF_LEASE, qos=0)
         await web.subscribe(GIRAFF_LEASE, qos=1)
         await web.publish(GIRAFF_LEASE, b"lease", qos=1)
@@ -240,7 +240,7 @@ async def test_subscribing_again_changes_the_quality_of_service(rig):
 
 
 async def test_overlapping_subscriptions_deliver_a_message_once(rig):
-    async with rig.client("web") as web, Heard(web) as heard:
+    async with rig.client("web") as web, ReceivedPacket(web) as heard:
         await web.subscribe([("telepresence/v1/#", 0), (GIRAFF_LEASE, 1)])
         await web.publish(GIRAFF_LEASE, b"lease", qos=1)
         await web.publish(session_news("s1"), b"end", qos=1)
@@ -251,7 +251,7 @@ async def test_overlapping_subscriptions_deliver_a_message_once(rig):
 @pytest.mark.parametrize("qos", [0, 1])
 async def test_messages_of_one_sender_arrive_in_their_order(rig, qos):
     count = 500
-    async with rig.client("web") as sender, rig.client("web") as receiver, Heard(receiver) as heard:
+    async with rig.client("web") as sender, rig.client("web") as receiver, ReceivedPacket(receiver) as heard:
         await receiver.subscribe(of("giraff", "command/velocity"), qos=qos)
         for number in range(count):
             await sender.publish(of("giraff", "command/velocity"), str(number).encode(), qos=qos)
@@ -260,7 +260,7 @@ async def test_messages_of_one_sender_arrive_in_their_order(rig, qos):
 
 
 async def test_nothing_comes_after_unsubscribing(rig):
-    async with rig.client("web") as web, Heard(web) as heard:
+    async with rig.client("web") as web, ReceivedPacket(web) as heard:
         await web.subscribe([(GIRAFF_LEASE, 1), (session_news("s1"), 1)])
         await web.unsubscribe(GIRAFF_LEASE)
         await web.publish(GIRAFF_LEASE, b"lease", qos=1)
@@ -274,20 +274,20 @@ async def test_nothing_comes_after_unsubscribing(rig):
 
 async def test_the_will_of_a_robot_that_vanishes_is_published_and_kept(rig):
     await rig.robot("giraff")
-    async with rig.client("web") as web, Heard(web) as heard:
+    async with rig.client("web") as web, ReceivedPacket(web) as heard:
         await web.subscribe(of("giraff", "connection"), qos=1)
         raw = await RawClient.open(rig.port)
         assert await raw.connect("giraff", rig.tokens["giraff"], will=(of("giraff", "connection"), "broken", 1, True)) == packets.ACCEPTED
         raw.abort()
         await heard.payload(of("giraff", "connection"), b"broken")
-    async with rig.client("web") as web, Heard(web) as later:
+    async with rig.client("web") as web, ReceivedPacket(web) as later:
         await web.subscribe(of("giraff", "connection"), qos=1)
         assert (await later.payload(of("giraff", "connection"), b"broken")).retain
 
 
 async def test_the_will_of_a_robot_that_falls_silent_is_published_after_its_keep_alive(rig):
     await rig.robot("giraff")
-    async with rig.client("web") as web, Heard(web) as heard:
+    async with rig.client("web") as web, ReceivedPacket(web) as heard:
         await web.subscribe(of("giraff", "connection"), qos=1)
         raw = await RawClient.open(rig.port)
         await raw.connect("giraff", rig.tokens["giraff"], keep_alive=1, will=(of("giraff", "connection"), "broken", 1, True))
@@ -297,7 +297,7 @@ async def test_the_will_of_a_robot_that_falls_silent_is_published_after_its_keep
 
 async def test_a_robot_that_says_good_bye_leaves_no_will(rig):
     await rig.robot("giraff")
-    async with rig.client("web") as web, Heard(web) as heard:
+    async with rig.client("web") as web, ReceivedPacket(web) as heard:
         await web.subscribe("telepresence/v1/giraff/#", qos=1)
         raw = await RawClient.open(rig.port)
         await raw.connect("giraff", rig.tokens["giraff"], will=(of("giraff", "connection"), "broken", 1, True))
@@ -311,7 +311,7 @@ async def test_a_robot_that_says_good_bye_leaves_no_will(rig):
 
 async def test_a_will_past_the_permissions_is_never_published(rig):
     await rig.robot("giraff")
-    async with rig.client("web") as web, Heard(web) as heard:
+    async with rig.client("web") as web, ReceivedPacket(web) as heard:
         await web.subscribe("telepresence/v1/#", qos=1)
         raw = await RawClient.open(rig.port)
         await raw.connect("giraff", rig.tokens["giraff"], will=(of("rhodon", "connection"), "forged", 1, True))
@@ -332,7 +332,7 @@ async def test_a_reconnecting_robot_gets_in_at_once_while_its_old_connection_lin
     async with (
         asyncio.timeout(patient(2.0)),
         rig.client("giraff", client_id="giraff-agent") as giraff,
-        Heard(giraff) as heard,
+        ReceivedPacket(giraff) as heard,
         rig.client("web") as web,
     ):
         await giraff.subscribe(of("giraff", "command/action"), qos=1)
@@ -373,7 +373,7 @@ async def test_a_persistent_session_gets_what_it_missed_in_order_and_not_as_reta
         for number in range(300):
             await giraff.publish(GIRAFF_STATE, str(number).encode(), qos=1)
         await giraff.publish(of("giraff", "pose"), b"not wanted", qos=0)
-    async with rig.client("web", **options) as recorder, Heard(recorder) as heard:
+    async with rig.client("web", **options) as recorder, ReceivedPacket(recorder) as heard:
         await heard.until(lambda h: len(h.messages) >= 300)
         assert [int(payload) for payload in heard.payloads(GIRAFF_STATE)] == list(range(300))
         assert not any(message.retain for message in heard.messages)
@@ -402,7 +402,11 @@ async def test_a_clean_connection_forgets_the_session(rig):
         await recorder.subscribe(GIRAFF_LEASE, qos=1)
     async with rig.client("web", client_id="the-recorder", clean_session=True):
         pass
-    async with rig.client("web", client_id="the-recorder", clean_session=True) as recorder, Heard(recorder) as heard, rig.client("web") as web:
+    async with (
+        rig.client("web", client_id="the-recorder", clean_session=True) as recorder,
+        ReceivedPacket(recorder) as heard,
+        rig.client("web") as web,
+    ):
         await recorder.subscribe(session_news("s1"), qos=1)
         await web.publish(GIRAFF_LEASE, b"lease", qos=1)
         await web.publish(session_news("s1"), b"end", qos=1)
@@ -416,7 +420,7 @@ async def test_clients_come_back_after_a_restart_of_the_broker(rig):
         await before.publish(GIRAFF_LEASE, b"old", qos=1, retain=True)
         await rig.restart()
         await until_thrown_out(before)
-    async with rig.client("web") as web, rig.client("giraff") as giraff, Heard(giraff) as heard:
+    async with rig.client("web") as web, rig.client("giraff") as giraff, ReceivedPacket(giraff) as heard:
         await giraff.subscribe(GIRAFF_LEASE, qos=1)
         await web.publish(GIRAFF_LEASE, b"new", qos=1, retain=True)
         await heard.payload(GIRAFF_LEASE, b"new")
@@ -426,7 +430,7 @@ async def test_clients_come_back_after_a_restart_of_the_broker(rig):
 
 
 async def test_a_message_of_one_mebibyte_passes_and_a_larger_one_ends_the_connection(rig):
-    async with rig.client("web") as web, Heard(web) as heard:
+    async with rig.client("web") as web, ReceivedPacket(web) as heard:
         await web.subscribe(of("giraff", "floorplan"), qos=1)
         largest = random.Random(1).randbytes(1024 * 1024)
         await web.publish(of("giraff", "floorplan"), largest, qos=1)
@@ -466,7 +470,7 @@ async def test_a_stranger_who_talks_nonsense_is_hung_up_on(rig, data):
     ],
 )  # fmt: skip
 async def test_a_user_who_breaks_the_protocol_is_hung_up_on_and_the_others_are_not(rig, data):
-    async with rig.client("web") as web, Heard(web) as heard:
+    async with rig.client("web") as web, ReceivedPacket(web) as heard:
         await web.subscribe(GIRAFF_LEASE, qos=1)
         raw = await RawClient.open(rig.port)
         await raw.connect("web", rig.tokens["web"], client_id="bad")
@@ -492,7 +496,7 @@ async def test_two_hundred_messages_a_second_lose_nothing_while_clients_come_and
     await rig.robot("giraff")
     count = 400
     topic = of("giraff", "state")
-    async with rig.client("web") as web, rig.client("giraff") as giraff, Heard(web) as heard:
+    async with rig.client("web") as web, rig.client("giraff") as giraff, ReceivedPacket(web) as heard:
         await web.subscribe("telepresence/v1/+/state", qos=1)
         churn = asyncio.create_task(come_and_go(rig))
         started = asyncio.get_running_loop().time()
@@ -515,7 +519,7 @@ async def come_and_go(rig):
 async def test_pictures_pass_from_a_robot_to_servers_and_requests_from_servers_to_that_robot_alone(rig):
     await rig.robot("giraff")
     await rig.robot("rhodon")
-    async with rig.client("web") as web, rig.client("giraff") as giraff, Heard(web) as seen, Heard(giraff) as asked:
+    async with rig.client("web") as web, rig.client("giraff") as giraff, ReceivedPacket(web) as seen, ReceivedPacket(giraff) as asked:
         await web.subscribe(of("giraff", "picture"))
         await giraff.subscribe(of("giraff", "command/picture"))
         with contextlib.suppress(aiomqtt.MqttError):

@@ -20,7 +20,7 @@ from django.utils import timezone
 from robots.api.topics import of
 from robots.enrol.credentials import make_credentials, revoke, server_credentials
 from robots.models import Robot
-from tests.support.broker_rig import KINDS, Heard, until_thrown_out
+from tests.support.broker_rig import KINDS, ReceivedPacket, until_thrown_out
 from tests.support.patience import patient
 from tests.support.server import certificate
 
@@ -78,7 +78,7 @@ async def test_users_of_the_database_meet_and_a_revoked_one_is_thrown_out(broker
     key = await sync_to_async(new_robot)("giraff")
     if broker.kind == "mosquitto":  # it learns of the robot at the next look; the embedded one looks when somebody unknown knocks
         await until_let_in(broker, "giraff", key.token)
-    async with broker.client(*server_credentials("web")) as web, Heard(web) as heard:
+    async with broker.client(*server_credentials("web")) as web, ReceivedPacket(web) as heard:
         await web.subscribe("telepresence/v1/+/state", qos=1)
         async with broker.client("giraff", key.token) as giraff:
             await giraff.publish(of("giraff", "state"), b"hello", qos=1)
@@ -145,7 +145,7 @@ async def test_with_a_certificate_it_speaks_tls(kind, tmp_path):
     try:
         assert broker.scheme == "mqtts"
         tls = aiomqtt.TLSParameters(ca_certs=str(chain))
-        async with broker.client(*server_credentials("web"), tls_params=tls) as web, Heard(web) as heard:
+        async with broker.client(*server_credentials("web"), tls_params=tls) as web, ReceivedPacket(web) as heard:
             await web.subscribe("telepresence/v1/#", qos=1)
             await web.publish(of("giraff", "lease"), b"lease", qos=1)
             await heard.payload(of("giraff", "lease"), b"lease")

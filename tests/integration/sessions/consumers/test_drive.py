@@ -178,7 +178,9 @@ async def test_a_page_in_a_hurry_is_slowed_and_a_flood_ends_it(bridge, robot, ad
     from sessions.consumers.authorization import Authorization
 
     receive = Authorization.receive
-    monkeypatch.setattr(Authorization, "receive", lambda room, frame, lease, _now: receive(room, frame, lease, 1000.0))  # all at the same moment
+    monkeypatch.setattr(
+        Authorization, "receive", lambda authorization, frame, lease, _now: receive(authorization, frame, lease, 1000.0)
+    )  # all at the same moment
     async with Page("giraff", ada) as page:
         await page.take()
         for seq in range(90):
@@ -213,12 +215,12 @@ async def test_news_of_the_queue_reach_the_page_that_waits_and_no_other(bridge, 
         granted = await driver.take()
         await waiting.say("session/take", protocol.Take())
         session = (await waiting.expect("session/queued")).session
-        bridge.tell_session(m.ServerNews(type="queue", stamp=1.0, session=session, place=1, minutes=3.5))
-        bridge.tell_session(m.ServerNews(type="granted", stamp=1.0, session=session, remaining=60.0))
-        bridge.tell_session(m.ServerNews(type="warning", stamp=1.0, session=granted.session, remaining=90.0))
-        bridge.tell_session(m.ServerNews(type="idle", stamp=1.0, session=granted.session, remaining=30.0))
-        bridge.tell_session(m.ServerNews(type="idle", stamp=1.0, session=granted.session))
-        bridge.tell_session(m.ServerNews(type="message", stamp=1.0, session=granted.session, text="Mind the cat."))
+        bridge.publish_session(m.ServerNews(type="queue", stamp=1.0, session=session, place=1, minutes=3.5))
+        bridge.publish_session(m.ServerNews(type="granted", stamp=1.0, session=session, remaining=60.0))
+        bridge.publish_session(m.ServerNews(type="warning", stamp=1.0, session=granted.session, remaining=90.0))
+        bridge.publish_session(m.ServerNews(type="idle", stamp=1.0, session=granted.session, remaining=30.0))
+        bridge.publish_session(m.ServerNews(type="idle", stamp=1.0, session=granted.session))
+        bridge.publish_session(m.ServerNews(type="message", stamp=1.0, session=granted.session, text="Mind the cat."))
         assert (await waiting.expect("session/queued")).minutes == 3.5
         assert (await waiting.expect("session/turn")).seconds == 60.0
         assert (await driver.expect("session/warning")).remaining == 90.0
@@ -230,7 +232,7 @@ async def test_news_of_the_queue_reach_the_page_that_waits_and_no_other(bridge, 
 async def test_who_was_stopped_by_the_operator_is_told_and_drives_no_more(bridge, robot, ada):
     async with Page("giraff", ada) as page:
         granted = await page.take()
-        bridge.tell_session(m.ServerNews(type="ended", stamp=1.0, session=granted.session, outcome="stopped_by_operator", text="closing time"))
+        bridge.publish_session(m.ServerNews(type="ended", stamp=1.0, session=granted.session, outcome="stopped_by_operator", text="closing time"))
         ended = await page.expect("session/ended")
         await page.say("command/velocity", words.velocity())
         assert (await page.expect("denied")).reason == "not_driver"
@@ -321,11 +323,11 @@ async def test_everybody_sees_who_drives_and_how_many_watch_and_wait(bridge, rob
     async with Page("giraff", ada) as driver, Page("giraff", bob) as other:
         granted = await driver.take()
         await other.say("session/observe", protocol.Observe())
-        await until_room(driver, lambda room: (room.driver, room.observers, room.driving) == ("Ada L.", 1, False))
+        await until_room(driver, lambda authorization: (authorization.driver, authorization.observers, authorization.driving) == ("Ada L.", 1, False))
         bridge.say("giraff", "state", words.state(session=granted.session, epoch=granted.epoch, viewers=4))
-        await until_room(other, lambda room: room.driving and room.observers == 3)
+        await until_room(other, lambda authorization: authorization.driving and authorization.observers == 3)
         await other.say("session/take", protocol.Take())
-        await until_room(driver, lambda room: room.waiting == 1)
+        await until_room(driver, lambda authorization: authorization.waiting == 1)
 
 
 async def until_room(page, condition):
@@ -352,7 +354,7 @@ async def test_observers_are_as_many_as_the_robot_has_viewers_less_its_drivers_p
         await two.say("session/observe", protocol.Observe())
         assert (await two.expect("session/refused")).reason == "observers_full"
         await one.say("session/leave", protocol.Leave())
-        await until_room(two, lambda room: room.observers == 0)
+        await until_room(two, lambda authorization: authorization.observers == 0)
         await two.say("session/observe", protocol.Observe())
         await two.expect("session/observing")
 
@@ -443,7 +445,7 @@ async def test_a_connection_that_fails_leaves_nothing_behind(bridge, robot, ada,
         page = Page("giraff", ada)
         await page.open()
         await page.take()
-        await until_room(other, lambda room: room.driver == "Ada L.")
+        await until_room(other, lambda authorization: authorization.driver == "Ada L.")
 
         def fail(*_arguments):
             raise RuntimeError("a fault of ours")
@@ -763,9 +765,9 @@ async def test_lines_about_a_page_name_its_request_robot_and_session_also_when_i
     monkeypatch.setattr(log_ids, "_process", {})  # whatever this process is said to be about
     about, hear = [], drive.RobotConsumer._hear
 
-    def noting(page, letter):
-        about.append((letter.suffix, log_ids.current()))
-        hear(page, letter)
+    def noting(page, inbound):
+        about.append((inbound.suffix, log_ids.current()))
+        hear(page, inbound)
 
     monkeypatch.setattr(drive.RobotConsumer, "_hear", noting)
     async with Page("giraff", ada) as page:

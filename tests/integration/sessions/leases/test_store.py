@@ -166,7 +166,7 @@ def test_a_visitor_who_came_back_is_not_ended_by_an_older_decision(giraff, ana, 
         return scene
 
     monkeypatch.setattr("sessions.leases.expiry.load_scene", then_the_visitor_returns)
-    link = Link(since=NOW.timestamp(), heard_at=after(100).timestamp(), state_at=after(100).timestamp())
+    link = Link(since=NOW.timestamp(), last_received_at=after(100).timestamp(), state_at=after(100).timestamp())
     assert tick(giraff, link, after(100)) == ()
     assert Session.objects.get().state == "reconnecting"
 
@@ -221,7 +221,7 @@ def test_a_sign_that_comes_while_the_end_is_decided_keeps_the_robot(giraff, ana,
 def test_a_process_that_died_between_lease_and_session_is_made_good(giraff, ana, ben):
     granted = store.take(giraff, ana, "peer-1", now=NOW)
     Session.objects.update(state="waiting")
-    link = Link(since=NOW.timestamp(), heard_at=NOW.timestamp())
+    link = Link(since=NOW.timestamp(), last_received_at=NOW.timestamp())
     assert tick(giraff, link, after(1)) == (Move(granted.session, "connecting"),)
     Session.objects.update(state="ended", live_key="x", outcome="cancelled")  # and its end, without the lease
     assert tick(giraff, link, after(2)) == (Free(1),)
@@ -280,7 +280,7 @@ def test_a_grant_that_begins_while_the_scene_is_read_is_not_taken_for_a_leftover
         return rows
 
     monkeypatch.setattr(Session.objects, "filter", filter_then_grant)
-    assert tick(giraff, Link(since=NOW.timestamp(), heard_at=NOW.timestamp()), NOW) == ()
+    assert tick(giraff, Link(since=NOW.timestamp(), last_received_at=NOW.timestamp()), NOW) == ()
     assert Lease.objects.get().session.visitor == ana
 
 
@@ -288,7 +288,7 @@ def test_the_queue_is_offered_the_robot_in_order(giraff, ana, ben):
     first = store.take(giraff, ana, "peer-1", now=NOW)
     queued = store.take(giraff, ben, "peer-2", now=NOW)
     store.leave(first.session, peer="peer-1", now=after(1))
-    link = Link(since=NOW.timestamp(), heard_at=NOW.timestamp())
+    link = Link(since=NOW.timestamp(), last_received_at=NOW.timestamp())
     assert tick(giraff, link, after(1)) == (Offer(queued.session),)
     assert isinstance(store.take(giraff, ana, "peer-1", now=after(2)), store.Queued)
     store.seen({queued.session}, after(70))

@@ -143,7 +143,7 @@ def test_the_turn_and_the_grace_of_the_terms_are_obeyed(provider, giraff, ana, b
     provider.terms = STUDY
     session = take(giraff, ana).session
     Session.objects.update(state="reconnecting", lost_at=after(1), driving_at=NOW, granted_at=NOW)
-    link = Link(since=NOW.timestamp() - 100, heard_at=after(400).timestamp(), state_at=after(400).timestamp(), silence=60.0)
+    link = Link(since=NOW.timestamp() - 100, last_received_at=after(400).timestamp(), state_at=after(400).timestamp(), silence=60.0)
     assert tick(giraff, link, after(120)) == ()
     assert tick(giraff, link, after(121.5)) == (End(session, "connection_lost", "visitor_silent"),)
 

@@ -27,9 +27,12 @@ def giraff(office):
     return Robot.objects.create(name="giraff", title="Giraff", floor_plan=office, assist="slow", doors={"lab-door": "closed"})
 
 
-def said(letters):
-    found = {letter.topic.rpartition("/")[2]: codec.decode(letter.topic.rpartition("/")[2], letter.payload, "to_robot") for letter in letters}
-    assert all(letter.retain for letter in letters)
+def said(outbound_messages):
+    found = {
+        outbound.topic.rpartition("/")[2]: codec.decode(outbound.topic.rpartition("/")[2], outbound.payload, "to_robot")
+        for outbound in outbound_messages
+    }
+    assert all(outbound.retain for outbound in outbound_messages)
     return found
 
 

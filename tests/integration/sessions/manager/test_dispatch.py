@@ -85,12 +85,12 @@ def test_what_is_repeated_many_times_a_second_is_not_recorded_as_an_action(intak
 
 
 def test_an_ended_action_stands_once_in_the_record(session):
-    transcript, store = RecordBuilder(RecordStore(), lambda *_: None), RecordStore()
+    builder, store = RecordBuilder(RecordStore(), lambda *_: None), RecordStore()
     status = m.ActionStatus(action_id="g1", status="CANCELLED", stamp=NOW, type="goto", reason="manual\0")
     for _ in range(2):
-        transcript.take(ActionItem("giraff", session, status, NOW))
-    transcript.take(ActionItem("rhodon", session, status, NOW))  # another robot has no say
-    store.insert(transcript.rows)
+        builder.take(ActionItem("giraff", session, status, NOW))
+    builder.take(ActionItem("rhodon", session, status, NOW))  # another robot has no say
+    store.insert(builder.rows)
     row = SessionEvent.objects.get()
     assert (row.source, row.type, row.stamp) == ("robot", "action", NOW)
     assert row.data == {"actionId": "g1", "status": "CANCELLED", "type": "goto", "reason": "manual"}

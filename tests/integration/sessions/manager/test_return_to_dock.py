@@ -46,7 +46,7 @@ class Situation:
     """The robot as the session manager hears it."""
 
     def __init__(self):
-        self.homecoming, self.heard, self.seq = ReturnToDock(), RobotLiveness(), 0
+        self.return_to_dock, self.heard, self.seq = ReturnToDock(), RobotLiveness(), 0
 
     def says(self, now, *, trip=0.05, **changes):
         """A state, and an answer to the server's beat that was under way for so many seconds."""
@@ -57,7 +57,7 @@ class Situation:
         self.heard.heartbeat(m.Heartbeat(n=self.seq, stamp=sent + trip / 2, echoes=(echo,)), now.timestamp())
 
     def look(self, now):
-        return [codec.decode("command/action", letter.payload, "to_robot") for letter in self.homecoming.look({"giraff": self.heard}, now)]
+        return [codec.decode("command/action", outbound.payload, "to_robot") for outbound in self.return_to_dock.look({"giraff": self.heard}, now)]
 
 
 @pytest.fixture
@@ -140,7 +140,7 @@ def test_a_session_manager_that_starts_anew_goes_on_with_robots_under_way(giraff
     a_visit_ends(giraff, ana)
     situation.says(after(1), docked=False)
     assert situation.look(after(1))
-    situation.homecoming = ReturnToDock()
+    situation.return_to_dock = ReturnToDock()
     assert [type(action) for action in situation.look(after(2))] == [m.Dock]
 
 

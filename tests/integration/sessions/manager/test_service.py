@@ -21,7 +21,7 @@ from robots.models import Robot
 from sessions import protocol, signals
 from sessions.leases import store
 from sessions.models import Lease, NetworkSample, Session, SessionEvent, Snapshot, StateChunk, SystemLog
-from tests.support.lateness import watched
+from tests.support.host_jitter import watched
 from tests.support.patience import patient
 from tests.support.recorder_rig import HOST, ManagerProcess, ScriptedRobot, running_manager, running_mosquitto, wait_for
 

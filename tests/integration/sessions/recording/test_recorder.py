@@ -48,7 +48,7 @@ def stored(session) -> list[int]:
     return [state["seq"] for chunk in StateChunk.objects.filter(session=session).order_by("first_seq") for state in chunk.states]
 
 
-def transcript() -> RecordBuilder:
+def builder() -> RecordBuilder:
     return RecordBuilder(RecordStore(), lambda *_: None)
 
 
@@ -122,7 +122,7 @@ def test_stopping_writes_what_is_there(session):
 
 
 def test_a_session_manager_that_was_held_up_while_another_took_over_doubles_nothing(session):
-    one, other = transcript(), transcript()
+    one, other = builder(), builder()
     for seq in range(1, 21):
         one.take(state_item(session, seq))
     for seq in range(3, 31):
@@ -135,7 +135,7 @@ def test_a_session_manager_that_was_held_up_while_another_took_over_doubles_noth
 
 
 def test_a_batch_that_was_committed_although_it_seemed_to_fail_is_not_written_twice(session, monkeypatch):
-    record = transcript()
+    record = builder()
     for seq in range(1, 9):
         record.take(state_item(session, seq))
     record.close_all()
@@ -154,12 +154,12 @@ def test_a_batch_that_was_committed_although_it_seemed_to_fail_is_not_written_tw
 
 
 def test_a_restarted_recorder_knows_what_is_stored(session):
-    first = transcript()
+    first = builder()
     for seq in range(1, 10):
         first.take(state_item(session, seq))
     first.close_all()
     first.write()
-    second = transcript()
+    second = builder()
     for seq in range(5, 15):
         second.take(state_item(session, seq))
     second.close_all()
@@ -172,7 +172,7 @@ def test_a_session_that_was_deleted_meanwhile_spoils_nobody_elses_rows(session):
     other = Session.objects.create(
         robot=session.robot, visitor=User.objects.create(username="ben"), state="driving", live_key="k2", queued_at=timezone.now()
     )
-    record = transcript()
+    record = builder()
     for seq in range(1, 5):
         record.take(state_item(session, seq))
         record.take(state_item(other, seq + 10))
@@ -184,7 +184,7 @@ def test_a_session_that_was_deleted_meanwhile_spoils_nobody_elses_rows(session):
 
 
 def test_states_of_a_session_of_another_robot_or_of_none_are_not_recorded(session):
-    record = transcript()
+    record = builder()
     record.take(state_item(session, 1, robot="rogue"))
     for name in ("not-a-uuid", "7d9f1c52-0000-4000-8000-000000000000"):
         state = msgspec.structs.replace(state_item(session, 2).state, session=name)
@@ -198,7 +198,7 @@ def test_states_of_a_session_of_another_robot_or_of_none_are_not_recorded(sessio
 def test_fields_that_nobody_knows_yet_are_kept_and_nul_characters_are_not(session):
     payload = codec.encode(state_item(session, 1).state)[:-1] + b',"newer":{"a\\u0000b":"c\\u0000d","n":[1]}}'
     assert isinstance(codec.decode("state", payload), messages.State)
-    record = transcript()
+    record = builder()
     record.take(state_item(session, 1, payload=payload))
     record.close_all()
     record.write()
@@ -207,7 +207,7 @@ def test_fields_that_nobody_knows_yet_are_kept_and_nul_characters_are_not(sessio
 
 def test_on_mongodb_the_values_themselves_are_stored(session, monkeypatch):
     monkeypatch.setattr(connection, "vendor", "mongodb")
-    record = transcript()
+    record = builder()
     record.take(state_item(session, 1))
     record.close_all()
     assert record.rows[0].states[0]["seq"] == 1
@@ -215,7 +215,7 @@ def test_on_mongodb_the_values_themselves_are_stored(session, monkeypatch):
 
 def test_events_that_come_twice_also_across_a_restart_are_one_row(session):
     for _ in range(2):
-        record = transcript()
+        record = builder()
         record.take(event_item(session, "collision", detail="left"))
         record.take(event_item(session, "collision", detail="left"))
         record.take(event_item(session, "collision", seq=2))
@@ -224,7 +224,7 @@ def test_events_that_come_twice_also_across_a_restart_are_one_row(session):
 
 
 def test_what_matters_beyond_a_session_is_in_the_system_log_too(session):
-    record = transcript()
+    record = builder()
     record.take(event_item(session, "estop", detail="button"))
     record.take(EventItem("giraff", messages.Event(stamp=NOW, boot="b", seq=2, type="adapter_lost", detail="no ROS master"), NOW))
     record.write()
@@ -234,7 +234,7 @@ def test_what_matters_beyond_a_session_is_in_the_system_log_too(session):
 
 
 def test_half_a_photo_is_noted_and_a_whole_one_kept_once(session):
-    record, jpeg = transcript(), b"\xff\xd8"
+    record, jpeg = builder(), b"\xff\xd8"
     sha256 = hashlib.sha256(jpeg).hexdigest()
     record.take(PhotoItem("giraff", "lost", jpeg, NOW))
     for _ in range(2):
@@ -252,7 +252,7 @@ def end(session: Session) -> CloseItem:
 
 
 def test_a_record_is_closed_when_something_later_was_heard_and_nothing_is_owed(session):
-    record = transcript()
+    record = builder()
     record.take(event_item(session, "lease_taken"))
     for seq in (1, 2, 5):
         record.take(state_item(session, seq))
@@ -271,7 +271,7 @@ def test_a_record_is_closed_when_something_later_was_heard_and_nothing_is_owed(s
 
 
 def test_a_record_of_a_robot_that_is_gone_is_closed_after_a_minute(session):
-    record = transcript()
+    record = builder()
     record.take(state_item(session, 1))
     record.take(end(session))
     record.write()
@@ -282,13 +282,13 @@ def test_a_record_of_a_robot_that_is_gone_is_closed_after_a_minute(session):
 
 
 def test_a_closed_record_is_opened_again_when_states_come_late(session):
-    record = transcript()
+    record = builder()
     record.take(state_item(session, 1))
     record.take(end(session))
     record.write()
     record.close_sessions(NOW + 100)
     assert Session.objects.get().closed_at is not None
-    later = transcript()
+    later = builder()
     later.take(state_item(session, 2))
     later.close_all()
     later.write()
@@ -316,7 +316,7 @@ def test_keys_sort_by_time_and_never_repeat():
 
 
 def test_a_row_that_no_database_takes_is_counted_and_dropped(session, monkeypatch, caplog):
-    record = transcript()
+    record = builder()
     record.take(event_item(session, "collision"))
     record.take(event_item(session, "docked"))
     monkeypatch.setattr(record_store, "BATCH", 10)

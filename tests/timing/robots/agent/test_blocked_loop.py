@@ -6,7 +6,7 @@ import pytest
 
 from robots.agent.adapters.simulator.adapter import create
 from tests.support.control_rig import ThreadedControlRig
-from tests.support.lateness import pauses, watched
+from tests.support.host_jitter import pauses, watched
 from tests.support.truth import Onlooker
 
 WATCHDOG = 0.3  # s, the simulated base's own

@@ -10,7 +10,7 @@ import pytest
 from robots.agent.safety.ramp import ZERO
 from robots.agent.thread_priority import nice, set_nice
 from tests.support.control_rig import ThreadedControlRig
-from tests.support.lateness import watched
+from tests.support.host_jitter import watched
 from tests.support.scripted_robot import WATCHDOG
 
 

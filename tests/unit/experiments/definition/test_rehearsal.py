@@ -101,6 +101,4 @@ def test_nobody_at_all_is_no_rehearsal():
 
 
 def test_a_drive_whose_record_gives_something_else_than_is_stored_stands_in_the_way():
-    assert (
-        played(*everybody(), told_otherwise=("Session s1: told again it is cancelled, stored is completed.",)).problems[-1].startswith("Session s1")
-    )
+    assert played(*everybody(), discrepancies=("Session s1: told again it is cancelled, stored is completed.",)).problems[-1].startswith("Session s1")

@@ -20,19 +20,19 @@ FORGED = {"session": "other", "epoch": 999}
 
 
 def driver(**options):
-    room = Authorization(PEER, "Ada", ice_servers=ICE, **options)
-    room.drive(SESSION, 7, PEER)
-    return room
+    authorization = Authorization(PEER, "Ada", ice_servers=ICE, **options)
+    authorization.drive(SESSION, 7, PEER)
+    return authorization
 
 
 def observer(**options):
-    room = Authorization("peer-2", "Bob", ice_servers=ICE, **options)
-    room.observe()
-    return room
+    authorization = Authorization("peer-2", "Bob", ice_servers=ICE, **options)
+    authorization.observe()
+    return authorization
 
 
-def say(room, suffix, message, lease=LEASE, now=0.0):
-    return room.receive(codec.encode_frame(suffix, message), lease, now)
+def say(authorization, suffix, message, lease=LEASE, now=0.0):
+    return authorization.receive(codec.encode_frame(suffix, message), lease, now)
 
 
 def action(kind, **fields):
@@ -84,11 +84,11 @@ def test_an_observers_velocity_and_heartbeat_are_refused():
     ids=["none", "a later epoch", "another session", "another page"],
 )
 def test_a_driver_without_the_lease_in_force_may_stop_and_nothing_else(lease):
-    room = driver()
-    assert say(room, "command/velocity", words.velocity(), lease) == (Deny("command/velocity", "not_driver"),)
-    assert say(room, "command/action", action(m.Goto, x=0.0, y=0.0), lease) == (Deny("command/action", "not_driver"),)
-    assert say(room, "signal", m.Offer(sdp="v=0"), lease) == (Deny("signal", "not_driver"),)
-    assert isinstance(say(room, "command/action", action(m.Stop), lease)[0], Halt)
+    authorization = driver()
+    assert say(authorization, "command/velocity", words.velocity(), lease) == (Deny("command/velocity", "not_driver"),)
+    assert say(authorization, "command/action", action(m.Goto, x=0.0, y=0.0), lease) == (Deny("command/action", "not_driver"),)
+    assert say(authorization, "signal", m.Offer(sdp="v=0"), lease) == (Deny("signal", "not_driver"),)
+    assert isinstance(say(authorization, "command/action", action(m.Stop), lease)[0], Halt)
 
 
 @pytest.mark.parametrize("kind", [m.Stop, m.EStop])
@@ -108,9 +108,9 @@ def test_the_number_of_a_stop_is_believed_from_the_driver_alone():
 def test_an_emergency_stop_is_cleared_by_operators_only_and_under_their_own_role():
     assert say(driver(), "command/action", action(m.ClearEStop, role="owner", user="Ada")) == (Deny("command/action", "not_allowed"),)
     assert say(observer(), "command/action", action(m.ClearEStop, role="staff", user="Ada")) == (Deny("command/action", "not_allowed"),)
-    for room in (driver(operator="staff"), observer(operator="owner")):
-        (effect,) = say(room, "command/action", action(m.ClearEStop, role="server", user="Mallory"))
-        assert (effect.message.role, effect.message.user) == (room.operator, room.who)
+    for authorization in (driver(operator="staff"), observer(operator="owner")):
+        (effect,) = say(authorization, "command/action", action(m.ClearEStop, role="server", user="Mallory"))
+        assert (effect.message.role, effect.message.user) == (authorization.operator, authorization.who)
 
 
 @pytest.mark.parametrize("kind", [m.Photo, m.Relocalize, m.Cancel])
@@ -145,19 +145,19 @@ def test_who_neither_drives_nor_watches_signals_nothing():
 
 
 def test_who_waits_may_watch_meanwhile_and_drives_as_nobody():
-    room = Authorization("peer-3", "Cid")
-    room.wait("session-3")
-    room.observe()
-    (effect,) = say(room, "signal", m.Offer(sdp="v=0", role="driver"))
+    authorization = Authorization("peer-3", "Cid")
+    authorization.wait("session-3")
+    authorization.observe()
+    (effect,) = say(authorization, "signal", m.Offer(sdp="v=0", role="driver"))
     assert effect.message.role == "observer"
-    assert say(room, "command/velocity", words.velocity()) == (Deny("command/velocity", "observer"),)
+    assert say(authorization, "command/velocity", words.velocity()) == (Deny("command/velocity", "observer"),)
 
 
 def test_a_granted_page_no_longer_watches():
-    room = observer()
-    room.drive(SESSION, 7, PEER)
-    assert not room.watches
-    assert room.holds(LEASE)
+    authorization = observer()
+    authorization.drive(SESSION, 7, PEER)
+    assert not authorization.watches
+    assert authorization.holds(LEASE)
 
 
 @pytest.mark.parametrize(
@@ -187,17 +187,17 @@ def test_a_page_uses_no_suffix_but_its_own(suffix):
     ],
 )
 def test_what_is_no_message_is_refused_with_its_reason(frame, reason):
-    room = driver()
-    (effect,) = room.receive(frame, LEASE, 0.0)
+    authorization = driver()
+    (effect,) = authorization.receive(frame, LEASE, 0.0)
     assert effect.reason == reason
-    assert room.refused == {reason: 1}
+    assert authorization.refused == {reason: 1}
 
 
 def test_verbs_go_to_the_database_and_reports_to_the_record():
-    room = driver()
-    assert say(room, "session/take", protocol.Take(takeover=True)) == (Verb(protocol.Take(takeover=True)),)
+    authorization = driver()
+    assert say(authorization, "session/take", protocol.Take(takeover=True)) == (Verb(protocol.Take(takeover=True)),)
     event = protocol.PageEvent(stamp=1.0, type="tab_hidden", data={"seconds": 2.0})
-    (report,) = say(room, "page/event", event)
+    (report,) = say(authorization, "page/event", event)
     assert report == Report(protocol.PageReport(suffix="page/event", session=SESSION, message=msgspec.Raw(codec.encode(event))))
 
 
@@ -206,10 +206,10 @@ def test_a_page_without_a_session_has_nothing_to_report():
 
 
 def test_the_same_refusal_is_told_once_a_second_and_counted_every_time():
-    room = observer()
-    told = [say(room, "command/velocity", words.velocity(), now=tick / 20) for tick in range(41)]
+    authorization = observer()
+    told = [say(authorization, "command/velocity", words.velocity(), now=tick / 20) for tick in range(41)]
     assert sum(map(len, told)) == 3
-    assert room.refused == {"observer": 41}
+    assert authorization.refused == {"observer": 41}
 
 
 @pytest.mark.parametrize(
@@ -242,35 +242,37 @@ def test_the_longest_that_a_page_says_for_the_record_passes():
      ("page/event", protocol.PageEvent(stamp=1.0, type="x"), 3, 60)],
 )  # fmt: skip
 def test_more_than_a_page_needs_is_refused(suffix, message, rate, burst):
-    room = driver()
-    passed = sum(isinstance(effect, Publish | Halt | Report) for tick in range(2000) for effect in say(room, suffix, message, now=tick / 200))
+    authorization = driver()
+    passed = sum(
+        isinstance(effect, Publish | Halt | Report) for tick in range(2000) for effect in say(authorization, suffix, message, now=tick / 200)
+    )
     assert burst + 10 * rate - 1 <= passed <= burst + 10 * rate + 1
 
 
 def test_a_stop_passes_when_everything_else_has_been_used_up():
-    room = driver()
+    authorization = driver()
     for _ in range(200):
-        say(room, "command/velocity", words.velocity())
-        say(room, "command/action", action(m.Photo))
-    assert isinstance(say(room, "command/action", action(m.Stop))[0], Halt)
+        say(authorization, "command/velocity", words.velocity())
+        say(authorization, "command/action", action(m.Photo))
+    assert isinstance(say(authorization, "command/action", action(m.Stop))[0], Halt)
 
 
 def test_a_flood_ends_the_connection_and_mere_haste_does_not():
-    room = driver()
-    effects = [effect for _ in range(400) for effect in room.receive("nonsense", LEASE, 0.0)]
+    authorization = driver()
+    effects = [effect for _ in range(400) for effect in authorization.receive("nonsense", LEASE, 0.0)]
     assert not any(isinstance(effect, Close) for effect in effects)
-    effects = [effect for _ in range(400) for effect in room.receive("nonsense", LEASE, 0.0)]
+    effects = [effect for _ in range(400) for effect in authorization.receive("nonsense", LEASE, 0.0)]
     assert effects[-1] == Close(protocol.FLOODED)
 
 
 def test_a_page_that_drove_over_its_socket_leaves_a_stop_behind_and_no_other_does():
-    room = driver()
-    assert room.parting_stop("a", 5.0, LEASE, 0.0) is None
-    say(room, "command/velocity", words.velocity(seq=17), now=10.0)
-    stop = room.parting_stop("a", 5.0, LEASE, 10.5)
+    authorization = driver()
+    assert authorization.parting_stop("a", 5.0, LEASE, 0.0) is None
+    say(authorization, "command/velocity", words.velocity(seq=17), now=10.0)
+    stop = authorization.parting_stop("a", 5.0, LEASE, 10.5)
     assert stop == m.Stop(action_id="a", stamp=5.0, session=SESSION, epoch=7, role="driver", user="Ada", seq=17)
-    assert room.parting_stop("a", 5.0, LEASE, 12.0) is None
-    assert room.parting_stop("a", 5.0, None, 10.5) is None
+    assert authorization.parting_stop("a", 5.0, LEASE, 12.0) is None
+    assert authorization.parting_stop("a", 5.0, None, 10.5) is None
     assert observer().parting_stop("a", 5.0, LEASE, 0.0) is None
 
 
@@ -305,8 +307,8 @@ MESSAGES = st.one_of(
 @settings(max_examples=1500, deadline=None)
 @given(frame=FRAMES, drives=st.booleans())
 def test_no_frame_raises_and_none_but_a_whole_message_has_an_effect(frame, drives):
-    room = driver() if drives else observer()
-    for effect in room.receive(frame, LEASE, 0.0):
+    authorization = driver() if drives else observer()
+    for effect in authorization.receive(frame, LEASE, 0.0):
         assert isinstance(effect, Deny | Publish | Halt | Verb | Report)
         if isinstance(effect, Publish | Halt):
             codec.decode("command/action" if isinstance(effect, Halt) else effect.suffix, codec.encode(effect.message), "to_robot")
@@ -316,11 +318,11 @@ def test_no_frame_raises_and_none_but_a_whole_message_has_an_effect(frame, drive
 @given(said=MESSAGES, place=st.sampled_from(["driver", "observer", "guest", "late"]), operator=st.sampled_from([None, "staff", "owner"]))
 def test_nothing_that_a_page_says_of_itself_reaches_the_robot(said, place, operator):
     suffix, message = said
-    room = {"driver": driver, "late": driver, "observer": observer, "guest": lambda **options: Authorization("peer-4", "Eve", **options)}[place](
-        operator=operator
-    )
+    authorization = {"driver": driver, "late": driver, "observer": observer, "guest": lambda **options: Authorization("peer-4", "Eve", **options)}[
+        place
+    ](operator=operator)
     lease = msgspec.structs.replace(LEASE, epoch=8) if place == "late" else LEASE
-    for effect in say(room, suffix, message, lease):
+    for effect in say(authorization, suffix, message, lease):
         if not isinstance(effect, Publish | Halt):
             continue
         sent = effect.message
@@ -334,7 +336,7 @@ def test_nothing_that_a_page_says_of_itself_reaches_the_robot(said, place, opera
             assert (sent.session, sent.epoch) == ((SESSION, 7) if sent.role == "driver" else (None, 0))
             assert sent.role in {"driver" if place == "driver" else "observer", operator or "observer"}
         if isinstance(sent, m.Action):
-            assert sent.user == room.who
+            assert sent.user == authorization.who
 
 
 # --- pictures through the server -------------------------------------------------------------------------------------
@@ -344,58 +346,60 @@ WANTED = m.PictureRequest(stamp=1.0, peer="somebody-else", seen=0.5, round_trip=
 
 @pytest.mark.parametrize("make", [driver, observer])
 def test_who_drives_or_watches_may_ask_for_a_picture_and_the_server_says_who_asks(make):
-    room = make()
-    assert say(room, "command/picture", WANTED) == (Publish("command/picture", msgspec.structs.replace(WANTED, peer=room.peer), wanted=False),)
+    authorization = make()
+    assert say(authorization, "command/picture", WANTED) == (
+        Publish("command/picture", msgspec.structs.replace(WANTED, peer=authorization.peer), wanted=False),
+    )
 
 
 def test_one_request_lets_one_picture_through():
-    room = observer()
-    assert not room.may_see_picture(LEASE)
-    say(room, "command/picture", WANTED)
-    say(room, "command/picture", WANTED)
-    assert room.may_see_picture(LEASE)
-    assert not room.may_see_picture(LEASE)
+    authorization = observer()
+    assert not authorization.may_see_picture(LEASE)
+    say(authorization, "command/picture", WANTED)
+    say(authorization, "command/picture", WANTED)
+    assert authorization.may_see_picture(LEASE)
+    assert not authorization.may_see_picture(LEASE)
 
 
 def test_a_guest_gets_no_picture():
-    room = Authorization("peer-3", "Eve")
-    assert say(room, "command/picture", WANTED) == (Deny("command/picture", "no_role"),)
-    assert not room.may_see_picture(LEASE)
+    authorization = Authorization("peer-3", "Eve")
+    assert say(authorization, "command/picture", WANTED) == (Deny("command/picture", "no_role"),)
+    assert not authorization.may_see_picture(LEASE)
 
 
 def test_whoever_waits_without_watching_gets_no_picture():
-    room = Authorization("peer-3", "Eve")
-    room.wait("session-9")
-    assert say(room, "command/picture", WANTED) == (Deny("command/picture", "no_role"),)
+    authorization = Authorization("peer-3", "Eve")
+    authorization.wait("session-9")
+    assert say(authorization, "command/picture", WANTED) == (Deny("command/picture", "no_role"),)
 
 
 def test_a_driver_whose_lease_has_gone_to_somebody_else_gets_no_picture():
-    room = driver()
-    say(room, "command/picture", WANTED)
-    assert not room.may_see_picture(msgspec.structs.replace(LEASE, epoch=8, peer="peer-9"))
-    assert say(room, "command/picture", WANTED, lease=None) == (Deny("command/picture", "not_driver"),)
+    authorization = driver()
+    say(authorization, "command/picture", WANTED)
+    assert not authorization.may_see_picture(msgspec.structs.replace(LEASE, epoch=8, peer="peer-9"))
+    assert say(authorization, "command/picture", WANTED, lease=None) == (Deny("command/picture", "not_driver"),)
 
 
 def test_the_picture_that_was_on_its_way_is_not_for_a_page_that_has_left():
-    room = observer()
-    say(room, "command/picture", WANTED)
-    room.leave()
-    assert not room.may_see_picture(LEASE)
+    authorization = observer()
+    say(authorization, "command/picture", WANTED)
+    authorization.leave()
+    assert not authorization.may_see_picture(LEASE)
 
 
 def test_a_flood_of_requests_is_cut():
-    room = observer()
-    effects = [effect for _ in range(1000) for effect in say(room, "command/picture", WANTED)]
+    authorization = observer()
+    effects = [effect for _ in range(1000) for effect in say(authorization, "command/picture", WANTED)]
     assert sum(isinstance(effect, Publish) for effect in effects) <= 60
     assert isinstance(effects[-1], Close)
 
 
 def test_photos_which_are_kept_for_good_are_few_and_a_stop_still_passes():
-    room = driver()
-    taken = [say(room, "command/action", action(m.Photo, action_id=f"p{n}"), now=n * 0.1)[:1] for n in range(30)]
+    authorization = driver()
+    taken = [say(authorization, "command/action", action(m.Photo, action_id=f"p{n}"), now=n * 0.1)[:1] for n in range(30)]
     assert sum(isinstance(effects[0], Publish) for effects in taken if effects) == 11
-    assert isinstance(say(room, "command/action", action(m.Stop, seq=1), now=3.0)[0], Halt)
-    assert isinstance(say(room, "command/action", action(m.Photo, action_id="later"), now=10.0)[0], Publish)
+    assert isinstance(say(authorization, "command/action", action(m.Stop, seq=1), now=3.0)[0], Halt)
+    assert isinstance(say(authorization, "command/action", action(m.Photo, action_id="later"), now=10.0)[0], Publish)
 
 
 # --- dots on what the driver shares ----------------------------------------------------------------------------------
@@ -421,10 +425,12 @@ def test_a_dot_that_is_not_on_the_picture_reaches_nobody(at):
 
 
 def test_twenty_dots_a_second_pass_and_none_of_them_takes_the_room_of_a_stop_or_of_words():
-    room = driver()
-    effects = [say(room, "command/point", msgspec.structs.replace(DOT, stamp=5.0 + n / 50), now=n / 50)[:1] for n in range(500)]
+    authorization = driver()
+    effects = [say(authorization, "command/point", msgspec.structs.replace(DOT, stamp=5.0 + n / 50), now=n / 50)[:1] for n in range(500)]
     assert sum(isinstance(effect[0], Publish) for effect in effects if effect) == pytest.approx(210, abs=2)
-    assert isinstance(say(room, "command/action", action(m.Stop, seq=1), now=10.0)[0], Halt)
-    assert all(isinstance(say(room, "command/action", action(m.Say, text="hello", action_id=f"s{n}"), now=10.0)[0], Publish) for n in range(60))
+    assert isinstance(say(authorization, "command/action", action(m.Stop, seq=1), now=10.0)[0], Halt)
+    assert all(
+        isinstance(say(authorization, "command/action", action(m.Say, text="hello", action_id=f"s{n}"), now=10.0)[0], Publish) for n in range(60)
+    )
     steady = driver()
     assert all(isinstance(say(steady, "command/point", DOT, now=n / 15)[0], Publish) for n in range(300))

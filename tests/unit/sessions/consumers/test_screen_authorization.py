@@ -6,7 +6,7 @@ from robots.api import codec
 from robots.api import messages as m
 from sessions import protocol
 from sessions.consumers.authorization import Deny, Halt, Publish
-from sessions.consumers.screen_authorization import ScreenRoom
+from sessions.consumers.screen_authorization import ScreenAuthorization
 from tests.support import words
 
 ICE = (m.IceServer(urls=("stun:stun.example.org",)),)
@@ -15,12 +15,12 @@ STAMPED = {"session": None, "epoch": 0, "role": "screen", "user": "Giraff"}
 
 
 @pytest.fixture
-def room():
-    return ScreenRoom("peer-1", "Giraff", ICE)
+def authorization():
+    return ScreenAuthorization("peer-1", "Giraff", ICE)
 
 
-def say(room, suffix, message):
-    (effect,) = room.receive(codec.encode_frame(suffix, message), None, 0.0)
+def say(authorization, suffix, message):
+    (effect,) = authorization.receive(codec.encode_frame(suffix, message), None, 0.0)
     return effect
 
 
@@ -31,34 +31,34 @@ def asked(kind, **fields):
 @pytest.mark.parametrize(
     "message", [asked(m.Say, text="hello"), asked(m.AnswerCall, accept=True), asked(m.ClearEStop)], ids=lambda m: type(m).__name__
 )
-def test_what_a_screen_says_is_said_as_the_screen(room, message):
+def test_what_a_screen_says_is_said_as_the_screen(authorization, message):
     forged = type(message)(**{**{name: getattr(message, name) for name in message.__struct_fields__}, **FORGED})
-    effect = say(room, "command/action", forged)
+    effect = say(authorization, "command/action", forged)
     assert isinstance(effect, Publish)
     assert {name: getattr(effect.message, name) for name in STAMPED} == STAMPED
 
 
 @pytest.mark.parametrize("kind", [m.Stop, m.EStop])
-def test_a_screen_stops_the_robot_in_its_own_name(room, kind):
-    effect = say(room, "command/action", asked(kind, **FORGED))
+def test_a_screen_stops_the_robot_in_its_own_name(authorization, kind):
+    effect = say(authorization, "command/action", asked(kind, **FORGED))
     assert isinstance(effect, Halt)
     assert (effect.message.role, effect.message.user) == ("screen", "Giraff")
 
 
-def test_the_number_of_a_screens_stop_kills_no_command_of_the_driver(room):
-    assert say(room, "command/action", asked(m.Stop, seq=40)).message.seq == 0
+def test_the_number_of_a_screens_stop_kills_no_command_of_the_driver(authorization):
+    assert say(authorization, "command/action", asked(m.Stop, seq=40)).message.seq == 0
 
 
-def test_an_offer_of_a_screen_is_an_offer_of_a_screen(room):
-    effect = say(room, "signal", m.Offer(sdp="v=0", role="driver", session="s", epoch=9, who="Mallory"))
+def test_an_offer_of_a_screen_is_an_offer_of_a_screen(authorization):
+    effect = say(authorization, "signal", m.Offer(sdp="v=0", role="driver", session="s", epoch=9, who="Mallory"))
     assert effect == Publish("signal/peer-1", m.Offer(sdp="v=0", role="screen", who="Giraff", ice_servers=ICE))
 
 
-def test_a_screen_points_as_the_screen_and_twenty_times_a_second(room):
+def test_a_screen_points_as_the_screen_and_twenty_times_a_second(authorization):
     forged = m.PointCommand(stamp=5.0, at=(0.5, 0.25), role="driver", peer="p1", session="s", epoch=9)
     stamped = m.PointCommand(stamp=5.0, at=(0.5, 0.25), role="screen", peer="peer-1")
-    assert say(room, "command/point", forged) == Publish("command/point", stamped, wanted=False)
-    effects = [room.receive(codec.encode_frame("command/point", forged), None, 1.0 + n / 50) for n in range(500)]
+    assert say(authorization, "command/point", forged) == Publish("command/point", stamped, wanted=False)
+    effects = [authorization.receive(codec.encode_frame("command/point", forged), None, 1.0 + n / 50) for n in range(500)]
     assert sum(isinstance(effect[0], Publish) for effect in effects if effect) == pytest.approx(210, abs=2)
 
 
@@ -75,5 +75,5 @@ def test_a_screen_points_as_the_screen_and_twenty_times_a_second(room):
         ("page/event", protocol.PageEvent(stamp=1.0, type="x")),
     ],
 )
-def test_a_screen_neither_drives_nor_visits_nor_reports(room, suffix, message):
-    assert say(room, suffix, message) == Deny(suffix, "not_allowed")
+def test_a_screen_neither_drives_nor_visits_nor_reports(authorization, suffix, message):
+    assert say(authorization, suffix, message) == Deny(suffix, "not_allowed")

@@ -9,34 +9,34 @@ from sessions import protocol
 from sessions.consumers.relay import Outgoing
 from sessions.consumers.send_queue import SendQueue
 from sessions.consumers.sender import Sender
-from tests.support.lateness import watched
+from tests.support.host_jitter import watched
 from tests.support.pages import until
 
 
 async def test_frames_come_out_in_the_order_in_which_they_came_in():
-    mailbox = SendQueue()
+    queue = SendQueue()
     for number in range(10):
-        mailbox.put(str(number), droppable=number % 3 == 0)
-    assert [await mailbox.take() for _ in range(10)] == [str(number) for number in range(10)]
+        queue.put(str(number), droppable=number % 3 == 0)
+    assert [await queue.take() for _ in range(10)] == [str(number) for number in range(10)]
 
 
 async def test_the_oldest_telemetry_goes_and_nothing_else():
-    mailbox = SendQueue(droppable=3, kept=100)
+    queue = SendQueue(droppable=3, kept=100)
     for number in range(10):
-        mailbox.put(f"state {number}", droppable=True)
-        mailbox.put(f"event {number}", droppable=False)
-    frames = [await mailbox.take() for _ in range(13)]
+        queue.put(f"state {number}", droppable=True)
+        queue.put(f"event {number}", droppable=False)
+    frames = [await queue.take() for _ in range(13)]
     assert [frame for frame in frames if frame.startswith("state")] == ["state 7", "state 8", "state 9"]
     assert [frame for frame in frames if frame.startswith("event")] == [f"event {number}" for number in range(10)]
     assert frames[-2:] == ["state 9", "event 9"]
-    assert mailbox.dropped == 7
+    assert queue.dropped == 7
 
 
 async def test_whoever_waits_is_woken_by_a_frame():
-    mailbox = SendQueue()
-    taking = asyncio.create_task(mailbox.take())
-    await mailbox.wait_empty(5.0)
-    assert mailbox.put("x", droppable=True)
+    queue = SendQueue()
+    taking = asyncio.create_task(queue.take())
+    await queue.wait_empty(5.0)
+    assert queue.put("x", droppable=True)
     assert await taking == "x"
 
 
@@ -56,17 +56,17 @@ class Wire:
 @pytest.fixture
 async def network():
     network = Wire()
-    network.outbox = Sender(network.send, network.close, lambda: network.full)
+    network.sender = Sender(network.send, network.close, lambda: network.full)
     yield network
-    network.outbox.abandon()
+    network.sender.abandon()
 
 
 async def test_while_the_network_is_full_telemetry_grows_old_and_is_replaced(network):
     network.full = True
-    network.outbox.put(Outgoing("first"))
+    network.sender.put(Outgoing("first"))
     await until(lambda: network.sent)
     for number in range(200):
-        network.outbox.put(Outgoing(f"state {number}", droppable=True))
+        network.sender.put(Outgoing(f"state {number}", droppable=True))
     network.full = False
     await until(lambda: len(network.sent) == 65)
     assert network.sent[1] == "state 136"
@@ -75,15 +75,15 @@ async def test_while_the_network_is_full_telemetry_grows_old_and_is_replaced(net
 async def test_a_page_that_lets_everything_pile_up_is_sent_away(network):
     network.full = True
     for number in range(600):
-        network.outbox.put(Outgoing(f"event {number}"))
+        network.sender.put(Outgoing(f"event {number}"))
     await until(lambda: network.codes)
     assert network.codes == [protocol.TOO_SLOW]
 
 
 async def test_the_last_words_are_said_before_the_end_and_the_end_comes_once(network):
-    network.outbox.put(Outgoing("you may go"))
-    network.outbox.end(protocol.NOT_ALLOWED)
-    network.outbox.end(protocol.SIGNED_OUT)
+    network.sender.put(Outgoing("you may go"))
+    network.sender.end(protocol.NOT_ALLOWED)
+    network.sender.end(protocol.SIGNED_OUT)
     await until(lambda: network.codes)
     assert (network.sent, network.codes) == (["you may go"], [protocol.NOT_ALLOWED])
 
@@ -92,10 +92,10 @@ async def test_the_end_does_not_wait_for_a_page_that_takes_nothing(network, monk
     monkeypatch.setattr("sessions.consumers.sender.LAST_WORDS_SECONDS", 0.05)
     network.full = True
     for word in ("one", "two"):
-        network.outbox.put(Outgoing(word))
+        network.sender.put(Outgoing(word))
     with watched() as computer:
         began = time.time()
-        network.outbox.end(protocol.NOT_ALLOWED)
+        network.sender.end(protocol.NOT_ALLOWED)
         await until(lambda: network.codes)
         ended = time.time()
         assert ended - began < 2.0 + computer.excuse(began, ended)
@@ -104,21 +104,21 @@ async def test_the_end_does_not_wait_for_a_page_that_takes_nothing(network, monk
 
 async def test_of_pictures_only_the_newest_waits_however_many_come(network):
     network.full = True
-    network.outbox.put(Outgoing("first"))
+    network.sender.put(Outgoing("first"))
     await until(lambda: network.sent)
     for number in range(500):
-        network.outbox.put_picture(b"picture %d" % number)
-    assert len(network.outbox.mailbox) == 1
-    assert network.outbox.mailbox.dropped == 499
+        network.sender.put_picture(b"picture %d" % number)
+    assert len(network.sender.queue) == 1
+    assert network.sender.queue.dropped == 499
     network.full = False
     await until(lambda: len(network.sent) == 2)
     assert network.sent[1] == b"picture 499"
 
 
 async def test_pictures_keep_neither_words_nor_telemetry_from_a_page():
-    mailbox = SendQueue()
-    mailbox.put("state", droppable=True)
-    mailbox.put_picture(b"old")
-    mailbox.put("event", droppable=False)
-    mailbox.put_picture(b"new")
-    assert [await mailbox.take() for _ in range(3)] == ["state", "event", b"new"]
+    queue = SendQueue()
+    queue.put("state", droppable=True)
+    queue.put_picture(b"old")
+    queue.put("event", droppable=False)
+    queue.put_picture(b"new")
+    assert [await queue.take() for _ in range(3)] == ["state", "event", b"new"]

@@ -26,127 +26,127 @@ def test_intervals_are_a_set_of_numbers(ranges, first, width):
     assert all(after[0] > before[1] + 1 for before, after in itertools.pairwise(kept)), "ranges neither touch nor overlap"
 
 
-def due(ledger: SequenceTracker, now: float, *, present: bool = True, alive: bool = True):
-    return ledger.due(now, present=present, alive=alive)
+def due(tracker: SequenceTracker, now: float, *, present: bool = True, alive: bool = True):
+    return tracker.due(now, present=present, alive=alive)
 
 
 @pytest.fixture
-def ledger() -> SequenceTracker:
+def tracker() -> SequenceTracker:
     """A ledger in the middle of the session `s`, whose last state was 10."""
-    ledger = SequenceTracker()
-    ledger.begins(1, "s", 0.0)
+    tracker = SequenceTracker()
+    tracker.begins(1, "s", 0.0)
     for seq in range(1, 11):
-        assert ledger.arrive(seq, "s", 0.0)
-    return ledger
+        assert tracker.arrive(seq, "s", 0.0)
+    return tracker
 
 
-def test_a_state_that_comes_twice_is_new_once(ledger):
-    assert not ledger.arrive(7, "s", 1.0)
-    assert due(ledger, 100.0) == ([], [])
+def test_a_state_that_comes_twice_is_new_once(tracker):
+    assert not tracker.arrive(7, "s", 1.0)
+    assert due(tracker, 100.0) == ([], [])
 
 
-def test_a_hole_is_asked_for_after_a_moment_and_again_until_it_is_filled(ledger):
-    ledger.arrive(14, "s", 0.0)
-    assert due(ledger, PATIENCE / 2) == ([], [])
-    assert due(ledger, PATIENCE) == ([(11, 13)], [])
-    assert due(ledger, PATIENCE + REPEAT / 2) == ([], [])
-    ledger.arrive(12, "s", 2.0)
-    assert due(ledger, PATIENCE + REPEAT) == ([(11, 11), (13, 13)], [])
-    ledger.arrive(11, "s", 7.0)
-    ledger.arrive(13, "s", 7.0)
-    assert due(ledger, 100.0) == ([], [])
-    assert not ledger.owes("s")
+def test_a_hole_is_asked_for_after_a_moment_and_again_until_it_is_filled(tracker):
+    tracker.arrive(14, "s", 0.0)
+    assert due(tracker, PATIENCE / 2) == ([], [])
+    assert due(tracker, PATIENCE) == ([(11, 13)], [])
+    assert due(tracker, PATIENCE + REPEAT / 2) == ([], [])
+    tracker.arrive(12, "s", 2.0)
+    assert due(tracker, PATIENCE + REPEAT) == ([(11, 11), (13, 13)], [])
+    tracker.arrive(11, "s", 7.0)
+    tracker.arrive(13, "s", 7.0)
+    assert due(tracker, 100.0) == ([], [])
+    assert not tracker.owes("s")
 
 
-def test_a_hole_that_is_never_filled_is_a_loss_of_the_sessions_that_it_touches(ledger):
-    ledger.arrive(13, "t", 0.0)
+def test_a_hole_that_is_never_filled_is_a_loss_of_the_sessions_that_it_touches(tracker):
+    tracker.arrive(13, "t", 0.0)
     for attempt in range(ATTEMPTS):
-        asks, losses = due(ledger, PATIENCE + attempt * REPEAT)
+        asks, losses = due(tracker, PATIENCE + attempt * REPEAT)
         assert (asks, losses) == ([(11, 12)], [])
-    _, losses = due(ledger, PATIENCE + ATTEMPTS * REPEAT)
+    _, losses = due(tracker, PATIENCE + ATTEMPTS * REPEAT)
     assert [(loss.ranges, loss.sessions, loss.count) for loss in losses] == [(((11, 12),), frozenset("st"), 2)]
-    assert not ledger.owes("s")
+    assert not tracker.owes("s")
 
 
-def test_nobody_is_asked_while_the_robot_is_away_and_nothing_is_given_up(ledger):
-    ledger.arrive(12, "s", 0.0)
-    assert due(ledger, 1000.0, present=False) == ([], [])
-    assert due(ledger, 1001.0) == ([(11, 11)], [])
+def test_nobody_is_asked_while_the_robot_is_away_and_nothing_is_given_up(tracker):
+    tracker.arrive(12, "s", 0.0)
+    assert due(tracker, 1000.0, present=False) == ([], [])
+    assert due(tracker, 1001.0) == ([(11, 11)], [])
 
 
-def test_what_an_earlier_run_of_the_agent_had_is_lost_at_once(ledger):
-    ledger.arrive(12, "s", 0.0)
-    _, losses = due(ledger, 0.1, alive=False)
+def test_what_an_earlier_run_of_the_agent_had_is_lost_at_once(tracker):
+    tracker.arrive(12, "s", 0.0)
+    _, losses = due(tracker, 0.1, alive=False)
     assert [loss.count for loss in losses] == [1]
 
 
-def test_states_without_a_session_are_nobodys_loss(ledger):
-    ledger.arrive(11, None, 0.0)
-    ledger.arrive(20, None, 0.0)
-    assert due(ledger, 100.0) == ([], [])
+def test_states_without_a_session_are_nobodys_loss(tracker):
+    tracker.arrive(11, None, 0.0)
+    tracker.arrive(20, None, 0.0)
+    assert due(tracker, 100.0) == ([], [])
 
 
-def test_a_pause_of_the_lease_is_no_hole(ledger):
+def test_a_pause_of_the_lease_is_no_hole(tracker):
     for seq in range(11, 15):
-        ledger.arrive(seq, None, 0.0)
-    ledger.arrive(15, "s", 0.0)
-    assert due(ledger, 100.0) == ([], [])
+        tracker.arrive(seq, None, 0.0)
+    tracker.arrive(15, "s", 0.0)
+    assert due(tracker, 100.0) == ([], [])
 
 
 def test_the_first_states_of_a_session_are_owed_from_its_beginning():
-    ledger = SequenceTracker()
-    ledger.begins(100, "s", 0.0)
-    ledger.arrive(103, "s", 0.0)
-    assert due(ledger, 2.0) == ([(100, 102)], [])
+    tracker = SequenceTracker()
+    tracker.begins(100, "s", 0.0)
+    tracker.arrive(103, "s", 0.0)
+    assert due(tracker, 2.0) == ([(100, 102)], [])
 
 
-def test_the_last_states_of_a_session_are_owed_up_to_its_end(ledger):
-    ledger.ends(13, "s", 0.0)
-    assert ledger.owes("s")
-    assert due(ledger, 2.0) == ([(11, 13)], [])
+def test_the_last_states_of_a_session_are_owed_up_to_its_end(tracker):
+    tracker.ends(13, "s", 0.0)
+    assert tracker.owes("s")
+    assert due(tracker, 2.0) == ([(11, 13)], [])
 
 
-def test_a_session_that_ends_where_it_was_seen_owes_nothing(ledger):
-    ledger.ends(10, "s", 0.0)
-    assert not ledger.owes("s")
+def test_a_session_that_ends_where_it_was_seen_owes_nothing(tracker):
+    tracker.ends(10, "s", 0.0)
+    assert not tracker.owes("s")
 
 
 def test_after_a_restart_the_stored_states_count_and_what_came_since_is_owed():
-    ledger = SequenceTracker()
-    ledger.restore("s", [(1, 10), (11, 20)], 0.0)
-    assert not ledger.arrive(15, "s", 0.0)
-    assert ledger.arrive(31, "s", 0.0)
-    assert due(ledger, 2.0) == ([(21, 30)], [])
+    tracker = SequenceTracker()
+    tracker.restore("s", [(1, 10), (11, 20)], 0.0)
+    assert not tracker.arrive(15, "s", 0.0)
+    assert tracker.arrive(31, "s", 0.0)
+    assert due(tracker, 2.0) == ([(21, 30)], [])
 
 
 def test_a_hole_that_was_stored_is_asked_for_once_and_not_missed():
-    ledger = SequenceTracker()
-    ledger.restore("s", [(1, 10), (15, 20)], 0.0)
-    assert due(ledger, 2.0) == ([(11, 14)], [])
-    assert due(ledger, 2.0 + REPEAT) == ([], [])
+    tracker = SequenceTracker()
+    tracker.restore("s", [(1, 10), (15, 20)], 0.0)
+    assert due(tracker, 2.0) == ([(11, 14)], [])
+    assert due(tracker, 2.0 + REPEAT) == ([], [])
 
 
 def test_without_any_knowledge_the_last_minute_is_asked_for_once():
-    ledger = SequenceTracker()
-    ledger.arrive(1000, "s", 0.0)
-    assert due(ledger, 2.0) == ([(1000 - HEAD, 999)], [])
-    assert due(ledger, 2.0 + REPEAT) == ([], [])
+    tracker = SequenceTracker()
+    tracker.arrive(1000, "s", 0.0)
+    assert due(tracker, 2.0) == ([(1000 - HEAD, 999)], [])
+    assert due(tracker, 2.0 + REPEAT) == ([], [])
 
 
-def test_a_robot_that_counts_strangely_costs_nothing(ledger):
-    ledger.arrive(2**53 - 1, "s", 0.0)
-    ledger.arrive(11, "s", 0.0)
-    assert due(ledger, 100.0) == ([], [])
+def test_a_robot_that_counts_strangely_costs_nothing(tracker):
+    tracker.arrive(2**53 - 1, "s", 0.0)
+    tracker.arrive(11, "s", 0.0)
+    assert due(tracker, 100.0) == ([], [])
 
 
 @settings(max_examples=300, deadline=None)
 @given(st.permutations(range(1, 31)), st.sets(st.integers(2, 29), max_size=10))
 def test_in_whatever_order_states_come_what_is_owed_is_what_is_missing(order, lost):
-    ledger = SequenceTracker()
-    ledger.begins(1, "s", 0.0)
+    tracker = SequenceTracker()
+    tracker.begins(1, "s", 0.0)
     for seq in order:
         if seq not in lost:
-            ledger.arrive(seq, "s", 0.0)
-    ledger.ends(30, "s", 0.0)
-    asked = {seq for low, high in due(ledger, 2.0)[0] for seq in range(low, high + 1)}
+            tracker.arrive(seq, "s", 0.0)
+    tracker.ends(30, "s", 0.0)
+    asked = {seq for low, high in due(tracker, 2.0)[0] for seq in range(low, high + 1)}
     assert asked == lost

@@ -26,7 +26,7 @@ RIGS = {
 
 
 @pytest.fixture(autouse=True)
-def _surroundings(monkeypatch, patient_adapters):
+def _obstacle_map(monkeypatch, patient_adapters):
     monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from robots.agent.autonomy.area import AreaError, area_of, update_of
 from robots.agent.autonomy.headless import Headless
-from robots.agent.autonomy.navigation_node import OrderError
+from robots.agent.autonomy.navigation_node import ActionError
 from robots.agent.autonomy.sensor_snapshot import Body
 from robots.agent.simulator.physics.faults import Faults
 from robots.agent.simulator.profiles import model_of
@@ -88,16 +88,16 @@ def test_what_cannot_be_done_is_refused_with_a_sentence():
         (m.Follow(action_id="f", stamp=0.0, points=((0.0, 0.0),)), "line"),
         (m.Tilt(action_id="t", stamp=0.0, angle=0.1), "tilt"),
     ):
-        with pytest.raises(OrderError, match=words):
+        with pytest.raises(ActionError, match=words):
             robot.autonomy.begin(action)
     assert robot.step() == m.Velocity(linear=0.0, angular=0.0)
 
 
 def test_a_map_without_a_plan_is_good_for_points_and_for_nothing_with_a_name():
     robot = HeadlessRobot(area=changed(plan=None), start="corridor-centre")
-    with pytest.raises(OrderError, match="charging station"):
+    with pytest.raises(ActionError, match="charging station"):
         robot.autonomy.begin(dock())
-    with pytest.raises(OrderError, match="no place"):
+    with pytest.raises(ActionError, match="no place"):
         robot.autonomy.begin(goto())
     pose = robot.sim.pose
     assert robot.do(m.Goto(action_id="g", stamp=0.0, x=pose.x + 1.0, y=pose.y)).status == "FINISHED"
@@ -127,8 +127,8 @@ def test_a_newer_order_replaces_the_one_under_way_and_cancelling_stops_the_robot
     assert (robot.last("g1").status, robot.last("g1").reason) == ("CANCELLED", "replaced")
     assert not robot.stands()
     assert len(robot.autonomy.path) > 1
-    robot.autonomy.mind.cancel("g1")
-    robot.autonomy.mind.cancel("g2")
+    robot.autonomy.node.cancel("g1")
+    robot.autonomy.node.cancel("g2")
     robot.run(2.0)
     assert robot.last("g2").status == "CANCELLED"
     assert robot.stands()

@@ -13,7 +13,7 @@ import pytest
 
 from robots.agent.backoff import Backoff
 from robots.agent.broker_link.mqtt import Endpoint, MqttLink
-from robots.agent.broker_link.outbox import Outbox, letter
+from robots.agent.broker_link.outbox import Outbox, outbound
 from robots.api import codec
 from robots.api import messages as m
 from telepresence_site.demo import lan
@@ -231,8 +231,8 @@ def test_a_stale_word_of_its_absence_is_answered_with_online(broker, ear, stale)
         seen = ear.count
         ear.say("connection", m.Connection(boot="000000000001-0", state=stale, stamp=1.0), retain=True)
         assert ear.wait("connection", lambda c: c.state == "ONLINE", since=seen).boot == SHEET.boot
-    with Ear(broker.port) as newcomer:
-        assert newcomer.wait("connection").state == "OFFLINE"
+    with Ear(broker.port) as first_time_user:
+        assert first_time_user.wait("connection").state == "OFFLINE"
 
 
 def test_of_two_agents_of_one_robot_the_older_one_yields_until_the_newer_has_gone(broker, ear):
@@ -294,32 +294,32 @@ def test_waits_double_up_to_the_longest_and_begin_anew_after_a_connection_that_h
 
 def test_the_outbox_keeps_the_record_drops_the_moment_and_loses_the_oldest_first():
     outbox = Outbox(messages=3)
-    outbox.put(letter("pose", b"1"), connected=False)
+    outbox.put(outbound("pose", b"1"), connected=False)
     for number in range(5):
-        outbox.put(letter("state", str(number).encode()), connected=False)
+        outbox.put(outbound("state", str(number).encode()), connected=False)
     assert outbox.lost == 2
     first, second = outbox.take(), outbox.take()
     assert (first.payload, second.payload) == (b"2", b"3")
-    outbox.put(letter("heartbeat", b"9"), connected=True)
+    outbox.put(outbound("heartbeat", b"9"), connected=True)
     outbox.acknowledged(second)
     outbox.disconnected()
     assert [outbox.take().payload for _ in range(len(outbox))] == [b"2", b"4"]
     with pytest.raises(ValueError, match="no topic"):
-        letter("nowhere", b"")
+        outbound("nowhere", b"")
 
 
 def test_of_pictures_none_waits_behind_another():
     outbox = Outbox()
     for payload in (b"one", b"two", b"three"):
-        outbox.put(letter("picture", payload), connected=True)
+        outbox.put(outbound("picture", payload), connected=True)
     assert len(outbox) == 1
     sent = outbox.take()
     assert sent.payload == b"three"
-    outbox.put(letter("picture", b"four"), connected=True)
+    outbox.put(outbound("picture", b"four"), connected=True)
     assert len(outbox) == 0
     outbox.acknowledged(sent)
-    outbox.put(letter("picture", b"five"), connected=True)
+    outbox.put(outbound("picture", b"five"), connected=True)
     assert outbox.take().payload == b"five"
-    outbox.put(letter("picture", b"six"), connected=False)
+    outbox.put(outbound("picture", b"six"), connected=False)
     assert len(outbox) == 0
     assert outbox.lost == 3

@@ -8,8 +8,8 @@ import pytest
 
 from robots.agent.navigation.navigator import Navigator
 from robots.agent.navigation.planning.costmap import NoWayError
+from robots.agent.navigation.pose_buffer import PoseBuffer
 from robots.agent.navigation.wheels import IN_VAIN, WheelWatch
-from robots.agent.navigation.whereabouts import Whereabouts
 from robots.agent.simulator.physics.drive import STILL
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import GIRAFF, MODELS, RHODON, RobotModel
@@ -226,7 +226,7 @@ def test_the_wheel_watch_waits_for_as_long_as_a_base_may_take_to_start() -> None
 
 
 def test_an_old_estimate_is_carried_on_by_the_odometry() -> None:
-    where = Whereabouts()
+    where = PoseBuffer()
     unknown = Estimate(0.0, CENTRE, (0.0,) * 6, 1.0, localized=True)
     for step in range(11):
         where.take(step / 10.0, Pose2D(step / 10.0, 0.0, 0.0), unknown)

@@ -18,7 +18,7 @@ from robots.agent.simulator import wire
 from robots.agent.simulator.physics.faults import Faults
 from robots.agent.simulator.physics.realtime import LONGEST_LAG
 from robots.agent.simulator.profiles import GIRAFF
-from tests.support.lateness import pauses, watched
+from tests.support.host_jitter import pauses, watched
 from tests.support.patience import patient
 from tests.support.simulators import ROOT, alive, driving_agent, eventually, memory_exists, simulator
 from tests.support.truth import Fate

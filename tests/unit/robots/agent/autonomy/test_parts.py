@@ -27,7 +27,7 @@ AHEAD = Velocity(linear=0.5, angular=0.0)
 COVARIANCE = (0.01, 0.0, 0.0, 0.01, 0.0, 0.001)
 
 
-def thought(**fields):
+def output(**fields):
     values = {
         "pose": Pose2D(2.0, 3.0, 1.0),
         "odometry": Pose2D(10.0, -4.0, 0.5),
@@ -57,7 +57,7 @@ def test_before_the_first_thought_nobody_knows_anything():
 def test_between_two_thoughts_the_pose_moves_as_the_odometry_does(before, way):
     there = PoseExtrapolator()
     odometry, step = Pose2D(*before), Pose2D(*way)
-    there.take(thought(odometry=odometry), 0.0)
+    there.take(output(odometry=odometry), 0.0)
     expected = Pose2D(2.0, 3.0, 1.0).compose(step)
     found = there.pose(odometry.compose(step), 0.1)
     assert math.hypot(found.x - expected.x, found.y - expected.y) < 1e-6
@@ -68,7 +68,7 @@ def test_between_two_thoughts_the_pose_moves_as_the_odometry_does(before, way):
 
 def test_a_pose_that_no_thought_confirms_is_no_localization():
     there = PoseExtrapolator()
-    there.take(thought(), 0.0)
+    there.take(output(), 0.0)
     late = there.pose(Pose2D(10.0, -4.0, 0.5), STALE + 0.1)
     assert (late.localized, late.score) == (False, 0.0)
     assert (late.x, late.y) == pytest.approx((2.0, 3.0))
@@ -76,7 +76,7 @@ def test_a_pose_that_no_thought_confirms_is_no_localization():
 
 def test_variances_without_end_fit_on_the_wire():
     there = PoseExtrapolator()
-    there.take(thought(covariance=(math.inf,) * 6, localized=False, score=1.5), 0.0)
+    there.take(output(covariance=(math.inf,) * 6, localized=False, score=1.5), 0.0)
     pose = there.pose(Pose2D(0.0, 0.0, 0.0), 0.0)
     assert all(math.isfinite(value) for value in pose.covariance)
     assert pose.score == 1.0
@@ -111,7 +111,7 @@ def test_a_perception_survives_the_wire():
 
 
 def test_a_thought_survives_the_wire():
-    sent = thought(wanted=AHEAD, news=(ActionProgress("a", "RUNNING", "slow", {"progress": 0.5}),), path=((0.0, 1.0),))
+    sent = output(wanted=AHEAD, news=(ActionProgress("a", "RUNNING", "slow", {"progress": 0.5}),), path=((0.0, 1.0),))
     assert wire.unpack_answer(framing.pack(wire.Thinks(sent))[framing.HEADER :]) == wire.Thinks(sent)
 
 
@@ -128,11 +128,11 @@ def test_what_is_no_message_is_refused():
 
 
 def test_half_a_message_waits_for_its_other_half():
-    data = framing.pack(wire.Drop("a"))
+    data = framing.pack(wire.CancelAction("a"))
     buffer = bytearray(data[:5])
     assert frames(buffer) == []
     buffer += data[5:] + data
-    assert frames(buffer) == [wire.Drop("a"), wire.Drop("a")]
+    assert frames(buffer) == [wire.CancelAction("a"), wire.CancelAction("a")]
     assert not buffer
 
 
@@ -147,13 +147,13 @@ def test_a_mind_that_fell_behind_thinks_once_of_the_newest_moment():
     conversation.take([wire.perceive(moment(stamp=float(n)), new=n == 1) for n in range(1, 6)])
     assert [type(word) for word in said] == [wire.Settled, wire.Thinks]
     assert said[0].problem == ""
-    assert said[1].thought.stamp == 5.0
+    assert said[1].output.stamp == 5.0
 
 
 def test_a_mind_without_a_map_says_so_and_takes_no_harm():
     said = []
     conversation = Conversation(said.append)
-    conversation.take([wire.perceive(moment(), new=True), wire.Drop("a"), wire.Order(7, Goto(action_id="g", stamp=0.0, x=0.0, y=0.0))])
+    conversation.take([wire.perceive(moment(), new=True), wire.CancelAction("a"), wire.BeginAction(7, Goto(action_id="g", stamp=0.0, x=0.0, y=0.0))])
     assert said == [wire.Answer(7, "no map")]
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from robots.agent.devices.words import DeviceWords, DeviceWordsError, read
+from robots.agent.devices.words import DeviceSetting, DeviceSettingError, read
 
 
 @pytest.mark.parametrize("words", ["", "none", "  none "])
@@ -23,9 +23,9 @@ def test_an_address_of_the_network_keeps_its_colons_and_its_query():
 
 
 def test_names_with_blanks_and_colons_are_the_devices_own():
-    assert read("dshow:video=USB Camera", "camera") == DeviceWords("video=USB Camera", "dshow")
-    assert read(r"C:\films\a talk.mp4", "camera") == DeviceWords(r"C:\films\a talk.mp4", live=False)
-    assert read("alsa:hw:1,0", "microphone") == DeviceWords("hw:1,0", "alsa")
+    assert read("dshow:video=USB Camera", "camera") == DeviceSetting("video=USB Camera", "dshow")
+    assert read(r"C:\films\a talk.mp4", "camera") == DeviceSetting(r"C:\films\a talk.mp4", live=False)
+    assert read("alsa:hw:1,0", "microphone") == DeviceSetting("hw:1,0", "alsa")
 
 
 def test_what_is_played_and_what_is_drawn_is_not_live():
@@ -47,7 +47,7 @@ def test_what_is_played_and_what_is_drawn_is_not_live():
     ],
 )
 def test_what_cannot_be_is_said_in_a_sentence(words, kind):
-    with pytest.raises(DeviceWordsError, match=f"the {kind} "):
+    with pytest.raises(DeviceSettingError, match=f"the {kind} "):
         read(words, kind)
 
 

@@ -33,20 +33,20 @@ def test_a_heading_of_a_full_turn_fills_no_new_cell() -> None:
 
 
 def test_drawing_keeps_the_shares() -> None:
-    cloud = ParticleSet(about((0.0, 0.0, 0.0), (5.0, 0.0, 0.0)), np.repeat([0.3 / 500, 0.7 / 500], 500))
-    drawn = cloud.drawn(SAMPLING, np.random.default_rng(2))
+    particles = ParticleSet(about((0.0, 0.0, 0.0), (5.0, 0.0, 0.0)), np.repeat([0.3 / 500, 0.7 / 500], 500))
+    drawn = particles.drawn(SAMPLING, np.random.default_rng(2))
     assert (drawn.poses[:, 0] > 2.0).mean() == pytest.approx(0.7, abs=0.02)
     assert drawn.weights.sum() == pytest.approx(1.0)
 
 
 def test_evidence_moves_weight_and_wears_the_cloud_out() -> None:
-    cloud = evenly(np.zeros((100, 3)))
-    assert not cloud.is_worn()
+    particles = evenly(np.zeros((100, 3)))
+    assert not particles.is_depleted()
     evidence = np.full(100, -1000.0)
     evidence[7] = 0.0
-    weighed = cloud.weighed(evidence)
+    weighed = particles.weighed(evidence)
     assert weighed.weights[7] == pytest.approx(1.0)
-    assert weighed.is_worn()
+    assert weighed.is_depleted()
 
 
 @given(st.lists(st.floats(-1e6, 0.0), min_size=3, max_size=30))
@@ -58,8 +58,8 @@ def test_weights_sum_to_one_whatever_the_evidence(evidence: list[float]) -> None
 
 
 def test_the_heaviest_cluster_is_found_with_its_share() -> None:
-    cloud = ParticleSet(about((1.0, 2.0, 3.1), (6.0, 2.0, 3.1)), np.repeat([0.8 / 500, 0.2 / 500], 500))
-    cluster = heaviest(cloud, 0.6, math.radians(30.0))
+    particles = ParticleSet(about((1.0, 2.0, 3.1), (6.0, 2.0, 3.1)), np.repeat([0.8 / 500, 0.2 / 500], 500))
+    cluster = heaviest(particles, 0.6, math.radians(30.0))
     assert cluster.mean[:2] == pytest.approx([1.0, 2.0], abs=0.02)
     assert cluster.share == pytest.approx(0.8, abs=0.01)
     assert cluster.covariance[0, 0] == pytest.approx(0.05**2, rel=0.2)

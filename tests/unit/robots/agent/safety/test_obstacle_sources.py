@@ -176,10 +176,10 @@ def test_depth_points_are_seen_where_they_are_and_an_empty_view_is_no_fault():
     source.sense(reading(points=ObstaclePoints(1.0, np.array([[1.0, 0.1], [9.0, 0.0], [-1.0, 0.0]]))), track, 1.0)
     near = source.seen(ORIGIN, 1.5)
     assert near == pytest.approx(np.array([[1.0, 0.1]]), abs=0.01)
-    assert source.heard_at() == 1.0
+    assert source.last_received_at() == 1.0
     for stamp in (1.1, 1.2, 1.3):
         source.sense(reading(stamp, points=ObstaclePoints(stamp, np.zeros((0, 2)))), track, stamp)
-    assert source.heard_at() == 1.3
+    assert source.last_received_at() == 1.3
     assert len(source.seen(ORIGIN, 4.0)) == 0, "the floor is free, and no wall stands at the end of its view"
     assert source.looks(0.0)
     assert not source.looks(math.pi)

@@ -22,5 +22,5 @@ def test_somebody_drives_the_papers_course_with_the_keys_whatever_door_is_closed
     seconds = person.drive(passed=0, within=300.0)
     assert seconds is not None, f"stands at {person.sim.pose} after {person.cue}"
     assert seconds < 180.0
-    assert person.mind.driver.closed == set(closed)
+    assert person.node.driver.closed == set(closed)
     assert person.sim.contacts <= (3 if closed else 0)

@@ -163,14 +163,14 @@ async def test_a_mind_that_is_killed_ends_the_action_with_the_reason_and_the_nex
         await drive.known()
         await drive.adapter.start(goto())
         await drive.moving()
-        pid = drive.adapter.mind.pid
+        pid = drive.adapter.node.pid
         os.kill(pid, signal.SIGKILL)
         ended = await drive.ended("g", 3.0)
         assert ended.status == "FAILED"
         assert "navigation" in ended.reason
         await drive.standing()
         assert any("navigation" in text for text in drive.complaints)
-        await drive.until(lambda: drive.adapter.mind.ready and drive.adapter.mind.pid != pid)
+        await drive.until(lambda: drive.adapter.node.ready and drive.adapter.node.pid != pid)
         await drive.known()
         assert drive.state.errors == ()
         await drive.adapter.start(goto("g2", **THERE))
@@ -182,13 +182,13 @@ async def test_a_mind_that_is_stuck_makes_the_robot_stand_and_is_replaced():
         await drive.known()
         await drive.adapter.start(goto())
         await drive.moving()
-        pid = drive.adapter.mind.pid
+        pid = drive.adapter.node.pid
         os.kill(pid, signal.SIGSTOP)
         await drive.until(lambda: drive.adapter.wanted() == ZERO, 2.0)
         ended = await drive.ended("g", 5.0)
         assert "stopped answering" in ended.reason
         await drive.standing()
-        await drive.until(lambda: drive.adapter.mind.ready and drive.adapter.mind.pid != pid)
+        await drive.until(lambda: drive.adapter.node.ready and drive.adapter.node.pid != pid)
         assert not alive(pid)
         await drive.known()
 
@@ -208,7 +208,7 @@ async def test_closing_leaves_no_process_behind():
     adapter = made()
     async with driving(adapter) as drive:
         await drive.known()
-        pids = adapter.mind.pid, adapter.inner._child.pid
+        pids = adapter.node.pid, adapter.inner._child.pid
     assert not any(alive(pid) for pid in pids)
 
 
@@ -237,7 +237,7 @@ async def test_a_robot_that_has_only_the_server_thinks_as_soon_as_that_has_told_
         with pytest.raises(AdapterError, match=r"no map|laser"):
             await adapter.start(goto())
         adapter.take_floorplan(office())
-        await drive.until(lambda: adapter.mind.ready)
+        await drive.until(lambda: adapter.node.ready)
         await adapter.start(Relocalize(action_id="r", stamp=0.0, x=5.0, y=1.0, theta=3.1))
         await drive.known()
         await adapter.start(Dock(action_id="d", stamp=0.0))
@@ -252,14 +252,14 @@ async def test_a_map_that_is_none_is_complained_about_and_a_better_one_is_taken(
         with pytest.raises(AdapterError, match="image"):
             await adapter.start(Relocalize(action_id="r", stamp=0.0))
         adapter.take_floorplan(office())
-        await drive.until(lambda: adapter.mind.ready)
+        await drive.until(lambda: adapter.node.ready)
 
 
 async def test_a_robot_that_knows_its_site_keeps_it():
     adapter = made()
     adapter.take_floorplan(msgspec.structs.replace(office(), map_id="elsewhere"))
     assert adapter._area.map_id == "office"
-    assert adapter.mind.starts == 0
+    assert adapter.node.starts == 0
 
 
 async def test_where_it_stood_when_the_agent_ended_is_where_the_next_agent_begins(tmp_path):
@@ -267,7 +267,7 @@ async def test_where_it_stood_when_the_agent_ended_is_where_the_next_agent_begin
     first = without_site(memory)
     async with driving(first) as drive:
         first.take_floorplan(office())
-        await drive.until(lambda: first.mind.ready)
+        await drive.until(lambda: first.node.ready)
         await first.start(Relocalize(action_id="r", stamp=0.0, x=5.0, y=1.0, theta=3.1))
         await drive.known()
     assert PoseMemory(memory).recall("office").distance(Pose2D(5.0, 1.0, 3.1)) < 0.2

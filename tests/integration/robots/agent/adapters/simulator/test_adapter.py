@@ -15,7 +15,7 @@ from robots.agent.simulator.physics.realtime import LONGEST_LAG
 from robots.api.geometry import Pose2D
 from robots.api.messages import Config, Tilt, Velocity
 from tests.support.adapter_conformance import AdapterConformance, drive, some, stands, wait_for
-from tests.support.lateness import pauses, watched
+from tests.support.host_jitter import pauses, watched
 from tests.support.patience import patient
 from tests.support.simulators import alive, eventually, simulator
 from tests.support.truth import Onlooker

@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from robots.agent.media.jpeg_fallback.pace import FIRST, FPS, LADDER, MOST_PAGES, PATIENCE, PRESENT, RETRY, Pace, Quality
+from robots.agent.media.jpeg_fallback.pace import FIRST, FPS, LAYERS, MOST_PAGES, PATIENCE, PRESENT, RETRY, Pace, Quality
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ def test_a_slow_observer_costs_the_driver_neither_pictures_nor_quality(pace):
             pace.ask("observer", 0.0, 0.0, now - 0.05)
         assert pace.wait(now) == 0.0
         pace.sent(now, now)
-    assert pace.quality.rung <= FIRST
+    assert pace.quality.layer <= FIRST
 
 
 def test_a_camera_without_a_picture_is_asked_again_after_a_while(pace):
@@ -84,7 +84,7 @@ def drive(quality_of_link, seconds, pace, start=0.0, round_trip=0.05):
     while now < start + seconds:
         pace.ask("driver", seen, round_trip, now)
         now += pace.wait(now)
-        took = round_trip + sizes[pace.quality.rung] / quality_of_link
+        took = round_trip + sizes[pace.quality.layer] / quality_of_link
         seen = now
         pace.sent(seen, now)
         ages.append(took)
@@ -94,7 +94,7 @@ def drive(quality_of_link, seconds, pace, start=0.0, round_trip=0.05):
 
 def test_on_a_good_network_the_picture_becomes_the_best(pace):
     drive(2e6, 30.0, pace)
-    assert pace.quality.rung == 0
+    assert pace.quality.layer == 0
 
 
 def test_on_a_narrow_network_it_shrinks_until_it_comes_in_time(pace):
@@ -105,29 +105,29 @@ def test_on_a_narrow_network_it_shrinks_until_it_comes_in_time(pace):
 
 def test_a_long_way_alone_does_not_make_pictures_worse(pace):
     drive(2e6, 60.0, pace, round_trip=0.6)
-    assert pace.quality.rung == 0
+    assert pace.quality.layer == 0
 
 
 def test_it_recovers_when_the_network_does(pace):
     drive(8_000.0, 20.0, pace)
-    assert pace.quality.rung == len(LADDER) - 1
+    assert pace.quality.layer == len(LAYERS) - 1
     drive(2e6, 300.0, pace, start=20.0)
-    assert pace.quality.rung == 0
+    assert pace.quality.layer == 0
 
 
 def test_a_request_that_has_not_seen_the_last_picture_makes_the_next_one_smaller(pace):
     pace.ask("driver", None, None, 0.0)
     pace.sent(1.0, 0.0)
     pace.ask("driver", None, None, 2.0)
-    assert pace.quality.rung == FIRST + 1
+    assert pace.quality.layer == FIRST + 1
 
 
 def test_steps_up_that_come_to_nothing_become_rarer():
     quality, ups = Quality(), []
     for number in range(2000):
-        before = quality.rung
-        quality.took(0.01 if quality.rung >= FIRST else 1.0)
-        if quality.rung < before:
+        before = quality.layer
+        quality.took(0.01 if quality.layer >= FIRST else 1.0)
+        if quality.layer < before:
             ups.append(number)
     gaps = [second - first for first, second in itertools.pairwise(ups)]
     assert gaps[0] >= PATIENCE
@@ -142,6 +142,6 @@ def test_whatever_is_asked_there_is_a_rung():
         pace.ask(rng.choice(["p1", "p2", "p3"]), rng.choice([None, now, 0.0]), rng.choice([None, 0.0, 0.05, 1e6]), now)
         wait = pace.wait(now)
         assert wait is None or wait >= 0.0
-        assert pace.rung() in LADDER
+        assert pace.layer() in LAYERS
         if wait == 0.0:
             pace.sent(rng.choice([now, 0.0]), now)

@@ -1,6 +1,6 @@
 """What was ordered of an RCA, and what becomes of it."""
 
-from robots.agent.adapters.common.pending_actions import Errands, PendingAction
+from robots.agent.adapters.common.pending_actions import PendingAction, PendingActions
 from robots.api.docked import DockState
 
 APART, TOUCHING, SEATED = DockState(), DockState(touching=True), DockState(touching=True, docked=True)
@@ -8,62 +8,62 @@ APART, TOUCHING, SEATED = DockState(), DockState(touching=True), DockState(touch
 
 def told():
     news = []
-    return Errands(lambda progress: news.append((progress.action_id, progress.status, progress.reason))), news
+    return PendingActions(lambda progress: news.append((progress.action_id, progress.status, progress.reason))), news
 
 
 def test_the_newer_errand_of_the_base_replaces_the_older_and_the_head_is_apart():
-    errands, news = told()
-    errands.begin(PendingAction("g1", "goto", 0.0, (1.0, 1.0)))
-    errands.begin(PendingAction("t", "tilt", 0.0, (0.2, 0.2)))
-    errands.begin(PendingAction("d", "dock", 0.0))
+    pending_actions, news = told()
+    pending_actions.begin(PendingAction("g1", "goto", 0.0, (1.0, 1.0)))
+    pending_actions.begin(PendingAction("t", "tilt", 0.0, (0.2, 0.2)))
+    pending_actions.begin(PendingAction("d", "dock", 0.0))
     assert news == [("g1", "RUNNING", ""), ("t", "RUNNING", ""), ("g1", "CANCELLED", "replaced"), ("d", "RUNNING", "")]
-    assert errands.of("t") is not None
-    assert errands.of("g1") is None
+    assert pending_actions.of("t") is not None
+    assert pending_actions.of("g1") is None
 
 
 def test_docking_is_done_in_the_dock_and_undocking_out_of_it():
-    errands, news = told()
-    errands.begin(PendingAction("d", "dock", 0.0))
-    errands.watch(1.0, dock=APART, tilt=None)
-    errands.watch(1.5, dock=TOUCHING, tilt=None)
+    pending_actions, news = told()
+    pending_actions.begin(PendingAction("d", "dock", 0.0))
+    pending_actions.watch(1.0, dock=APART, tilt=None)
+    pending_actions.watch(1.5, dock=TOUCHING, tilt=None)
     assert news == [("d", "RUNNING", "")]
-    errands.watch(2.0, dock=SEATED, tilt=None)
-    errands.begin(PendingAction("u", "undock", 2.0))
-    errands.watch(3.0, dock=TOUCHING, tilt=None)
-    errands.watch(4.0, dock=APART, tilt=None)
+    pending_actions.watch(2.0, dock=SEATED, tilt=None)
+    pending_actions.begin(PendingAction("u", "undock", 2.0))
+    pending_actions.watch(3.0, dock=TOUCHING, tilt=None)
+    pending_actions.watch(4.0, dock=APART, tilt=None)
     assert news == [("d", "RUNNING", ""), ("d", "FINISHED", ""), ("u", "RUNNING", ""), ("u", "FINISHED", "")]
 
 
 def test_what_takes_too_long_fails_with_the_reason():
-    errands, news = told()
-    errands.begin(PendingAction("d", "dock", 0.0, deadline=10.0))
-    errands.begin(PendingAction("t", "tilt", 0.0, (0.5, 0.5), 5.0))
-    errands.watch(6.0, dock=APART, tilt=0.1)
-    errands.watch(11.0, dock=APART, tilt=0.1)
+    pending_actions, news = told()
+    pending_actions.begin(PendingAction("d", "dock", 0.0, deadline=10.0))
+    pending_actions.begin(PendingAction("t", "tilt", 0.0, (0.5, 0.5), 5.0))
+    pending_actions.watch(6.0, dock=APART, tilt=0.1)
+    pending_actions.watch(11.0, dock=APART, tilt=0.1)
     assert news[2:] == [("t", "FAILED", "the head does not get there"), ("d", "FAILED", "it takes too long")]
 
 
 def test_a_head_is_there_when_its_angle_is():
-    errands, news = told()
-    errands.begin(PendingAction("t", "tilt", 0.0, (0.5, 0.5), 5.0))
-    errands.watch(1.0, dock=APART, tilt=0.4)
-    errands.watch(2.0, dock=APART, tilt=0.49)
+    pending_actions, news = told()
+    pending_actions.begin(PendingAction("t", "tilt", 0.0, (0.5, 0.5), 5.0))
+    pending_actions.watch(1.0, dock=APART, tilt=0.4)
+    pending_actions.watch(2.0, dock=APART, tilt=0.49)
     assert news[-1] == ("t", "FINISHED", "")
 
 
 def test_what_has_ended_ends_once_and_only_what_is_meant():
-    errands, news = told()
-    errands.begin(PendingAction("d", "dock", 0.0))
-    errands.end_drive("FINISHED", "", "goto")  # an end of navigation is not one of docking
-    errands.end("d", "FAILED", "blocked")
-    errands.end("d", "FINISHED")
-    errands.end_all("gone")
+    pending_actions, news = told()
+    pending_actions.begin(PendingAction("d", "dock", 0.0))
+    pending_actions.end_drive("FINISHED", "", "goto")  # an end of navigation is not one of docking
+    pending_actions.end("d", "FAILED", "blocked")
+    pending_actions.end("d", "FINISHED")
+    pending_actions.end_all("gone")
     assert news == [("d", "RUNNING", ""), ("d", "FAILED", "blocked")]
 
 
 def test_all_of_it_fails_with_the_architecture():
-    errands, news = told()
-    errands.begin(PendingAction("g", "goto", 0.0, (1.0, 1.0)))
-    errands.begin(PendingAction("t", "tilt", 0.0, (0.5, 0.5)))
-    errands.end_all("the robot was lost")
+    pending_actions, news = told()
+    pending_actions.begin(PendingAction("g", "goto", 0.0, (1.0, 1.0)))
+    pending_actions.begin(PendingAction("t", "tilt", 0.0, (0.5, 0.5)))
+    pending_actions.end_all("the robot was lost")
     assert news[2:] == [("g", "FAILED", "the robot was lost"), ("t", "FAILED", "the robot was lost")]

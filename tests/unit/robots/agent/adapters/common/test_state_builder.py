@@ -36,7 +36,7 @@ def test_before_anything_was_heard_it_stands_nowhere():
     readings = Readings()
     state = readings.state(10.0)
     assert (state.pose, state.velocity, state.odometry, state.distance) == (NOWHERE, ZERO, None, 0.0)
-    assert readings.heard_at == -math.inf
+    assert readings.last_received_at == -math.inf
 
 
 def test_an_architecture_that_says_only_where_gets_its_velocity_from_that():

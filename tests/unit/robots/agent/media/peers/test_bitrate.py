@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from robots.agent.media.codecs.encoder import LADDER
+from robots.agent.media.codecs.encoder import LAYERS
 from robots.agent.media.peers.bitrate import BitrateAdapter
 
-RATES = tuple(tier.bitrate for tier in LADDER)
+RATES = tuple(tier.bitrate for tier in LAYERS)
 BESIDE = 150_000.0  # bit/s of sound and words
 STEP = 0.05
 HURRY = 0.1  # s older than at its best, from which on a page says it more often (static/js/rounds.js)
@@ -23,7 +23,7 @@ class Network:
     """
 
     capacity: float
-    climb: BitrateAdapter = field(default_factory=lambda: BitrateAdapter(RATES, 0.0))
+    adapter: BitrateAdapter = field(default_factory=lambda: BitrateAdapter(RATES, 0.0))
     now: float = 0.0
     queue: deque[tuple[float, float]] = field(default_factory=deque)  # (bits, when the picture in them was taken)
     loss: float = 0.0
@@ -31,7 +31,7 @@ class Network:
     taken: float = 0.0  # when the picture on the screen was
     busy_computer: float = 0.0  # s by which two pictures in ten are late for no fault of the network
     delays: list[float] = field(default_factory=list)
-    rungs: list[int] = field(default_factory=list)
+    layers: list[int] = field(default_factory=list)
     rng: random.Random = field(default_factory=lambda: random.Random(5))
     best: float = 1.0
 
@@ -39,17 +39,17 @@ class Network:
         """`moving` is how much of its rung's rate the picture needs: a still one needs little."""
         for n in range(round(seconds / STEP)):
             self.now += STEP
-            own = 0.0 if self.climb.pauses(self.now) else moving * RATES[self.climb.rung]
-            sent = max(own, self.climb.look(self.now)) + BESIDE
+            own = 0.0 if self.adapter.pauses(self.now) else moving * RATES[self.adapter.layer]
+            sent = max(own, self.adapter.look(self.now)) + BESIDE
             self._carry(sent * STEP, own > 0.0)
-            self.rungs.append(self.climb.rung)
+            self.layers.append(self.adapter.layer)
             hiccup = self.busy_computer if n % 40 in {3, 7} else 0.0
             age = self.now - self.taken + hiccup
             self.best = min(self.best, age)
             if n % 4 == 3 or (n % 2 == 1 and age > self.best + HURRY):
-                self.climb.aged(self.now, age, own or RATES[self.climb.rung])
+                self.adapter.aged(self.now, age, own or RATES[self.adapter.layer])
             if n % 20 == 19:
-                self.climb.lost(self.now, max(self.loss, self.lost))
+                self.adapter.lost(self.now, max(self.loss, self.lost))
         return self
 
     def _carry(self, bits: float, shows: bool) -> None:
@@ -69,26 +69,26 @@ class Network:
 
 def test_a_wide_network_keeps_the_best_whatever_the_picture_needs():
     for moving in (1.0, 0.05):
-        assert set(Network(5e6).run(60.0, moving=moving).rungs) == {0}
+        assert set(Network(5e6).run(60.0, moving=moving).layers) == {0}
 
 
 def test_a_picture_that_is_late_now_and_then_is_a_busy_computers():
-    assert set(Network(5e6, busy_computer=0.2).run(30.0).rungs) == {0}
+    assert set(Network(5e6, busy_computer=0.2).run(30.0).layers) == {0}
 
 
 def test_a_computer_that_stands_still_for_a_moment_costs_no_more_than_two_rungs_and_they_come_back():
     network = Network(5e6).run(5.0)
     for n in range(6):
-        network.climb.aged(network.now + 0.1 * n, 0.06 + 0.1 * n, RATES[0])
-    assert network.climb.rung <= 2
+        network.adapter.aged(network.now + 0.1 * n, 0.06 + 0.1 * n, RATES[0])
+    assert network.adapter.layer <= 2
     network.now += 0.6
-    assert network.run(8.0).climb.rung == 0
+    assert network.run(8.0).adapter.layer == 0
 
 
 def test_a_network_that_is_a_little_too_narrow_is_noticed_too():
     network = Network(5e6).run(20.0)
     network.capacity = 1e6
-    assert network.run(6.0).climb.rung >= 1
+    assert network.run(6.0).adapter.layer >= 1
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -96,13 +96,13 @@ def test_through_400_kilobits_it_is_on_the_rung_that_fits_within_two_seconds_and
     network = Network(5e6, rng=random.Random(seed)).run(5.0)
     network.capacity = 4e5
     network.run(2.0)
-    assert RATES[network.climb.rung] + BESIDE < 4e5
+    assert RATES[network.adapter.layer] + BESIDE < 4e5
     network.run(7.0)
-    network.delays, network.rungs = [], []
+    network.delays, network.layers = [], []
     network.run(60.0)
     late = sorted(network.delays)
     assert late[int(0.95 * len(late))] < 0.2
-    assert network.rungs.count(3) > 0.7 * len(network.rungs), "no lower than it must"
+    assert network.layers.count(3) > 0.7 * len(network.layers), "no lower than it must"
 
 
 @pytest.mark.parametrize("seconds", [5.0, 60.0])
@@ -111,67 +111,67 @@ def test_when_the_network_is_wide_again_the_best_comes_back_within_ten_seconds(s
     network.capacity = 4e5
     network.run(seconds)
     network.capacity = 5e6
-    network.rungs = []
+    network.layers = []
     network.run(20.0)
-    assert network.rungs.index(0) * STEP <= 10.0
-    assert network.climb.rung == 0
+    assert network.layers.index(0) * STEP <= 10.0
+    assert network.adapter.layer == 0
 
 
 def test_a_network_too_narrow_for_all_gets_the_least_there_is():
     network = Network(5e6).run(2.0)
     network.capacity = 1.5e5
-    assert network.run(20.0).climb.rung == len(RATES) - 1
+    assert network.run(20.0).adapter.layer == len(RATES) - 1
 
 
 def test_packets_lost_here_and_there_change_nothing_and_many_step_down():
     network = Network(5e6, loss=0.04).run(30.0)
-    assert set(network.rungs) == {0}
+    assert set(network.layers) == {0}
     network.loss = 0.15
-    assert network.run(4.0).climb.rung > 0
+    assert network.run(4.0).adapter.layer > 0
 
 
 def test_a_trial_that_fails_makes_no_picture_old_and_trials_come_rarer():
     network = Network(5e6).run(2.0)
     network.capacity = 3.2e5
     network.run(15.0)
-    before, network.delays = network.climb.probes, []
+    before, network.delays = network.adapter.probes, []
     network.run(60.0)
     assert max(network.delays) < 0.35
-    assert 5 <= network.climb.probes - before <= 20
+    assert 5 <= network.adapter.probes - before <= 20
 
 
 def test_a_page_that_is_hidden_and_shows_one_picture_for_long_is_not_on_a_narrow_network():
     network = Network(5e6).run(5.0)
     for n in range(100):
-        network.climb.aged(network.now + 0.2 * n, 0.05 + 0.2 * n, 1e6)
-    assert network.climb.rung < len(RATES) - 1, "what the first second looked like"
+        network.adapter.aged(network.now + 0.2 * n, 0.05 + 0.2 * n, 1e6)
+    assert network.adapter.layer < len(RATES) - 1, "what the first second looked like"
     network.now += 20.0
-    network.rungs = []
-    assert network.run(10.0).climb.rung == 0
+    network.layers = []
+    assert network.run(10.0).adapter.layer == 0
 
 
 def test_on_a_page_whose_picture_is_stuck_nothing_is_tried():
     network = Network(5e6).run(2.0)
     network.capacity = 4e5
     network.run(3.0)
-    rung, probes = network.climb.rung, network.climb.probes
+    layer, probes = network.adapter.layer, network.adapter.probes
     for n in range(100):
-        network.climb.aged(network.now + 0.2 * n, 0.3 + 0.2 * n, 2e5)
-        network.climb.look(network.now + 0.2 * n)
-    assert network.climb.rung >= rung
-    assert network.climb.probes <= probes + 1
+        network.adapter.aged(network.now + 0.2 * n, 0.3 + 0.2 * n, 2e5)
+        network.adapter.look(network.now + 0.2 * n)
+    assert network.adapter.layer >= layer
+    assert network.adapter.probes <= probes + 1
 
 
 def test_without_a_word_from_the_page_nothing_changes():
-    climb = BitrateAdapter(RATES, 0.0)
-    assert all(climb.look(0.1 * step) == 0.0 for step in range(600))
-    assert climb.rung == 0
+    adapter = BitrateAdapter(RATES, 0.0)
+    assert all(adapter.look(0.1 * step) == 0.0 for step in range(600))
+    assert adapter.layer == 0
 
 
 def test_where_there_is_one_quality_it_stays():
-    climb = BitrateAdapter((0,), 0.0)
+    adapter = BitrateAdapter((0,), 0.0)
     for n in range(10):
-        climb.aged(0.2 * n, 0.1 * n, 1e6)
-        climb.lost(0.2 * n, 0.5)
-    assert climb.rung == 0
-    assert climb.look(60.0) == 0.0
+        adapter.aged(0.2 * n, 0.1 * n, 1e6)
+        adapter.lost(0.2 * n, 0.5)
+    assert adapter.layer == 0
+    assert adapter.look(60.0) == 0.0

@@ -14,11 +14,11 @@ class Camera:
     def __init__(self):
         self.asked = []
 
-    def watch(self, number, rung=0):
+    def watch(self, number, layer=0):
         pass
 
-    def ask_key_frame(self, reason, rung=0):
-        self.asked.append(rung)
+    def ask_key_frame(self, reason, layer=0):
+        self.asked.append(layer)
 
 
 @pytest.fixture
@@ -27,21 +27,21 @@ def viewer():
     made = Viewer("p", camera=Camera(), microphone=None, on_command=lambda heard: None, on_end=lambda reason: None)
     made._watching = True
     made.sent = []
-    made._climb = SimpleNamespace(rung=0, paused=False, pauses=lambda now: made._climb.paused, look=lambda now: 0.0)
-    made._pictures = SimpleNamespace(more=0.0, put=lambda picture: made.sent.append((picture.rung, picture.rtp)))
+    made._adapter = SimpleNamespace(layer=0, paused=False, pauses=lambda now: made._adapter.paused, look=lambda now: 0.0)
+    made._pictures = SimpleNamespace(more=0.0, put=lambda picture: made.sent.append((picture.layer, picture.rtp)))
     return made
 
 
-def show(viewer, rtp, *, rung=0, key=False):
-    viewer.show(Picture((b"x",), key, rtp, rtp / 90_000, rung))
+def show(viewer, rtp, *, layer=0, key=False):
+    viewer.show(Picture((b"x",), key, rtp, rtp / 90_000, layer))
 
 
 def test_after_a_pause_pictures_go_on_with_a_key_frame_that_was_asked_for_once(viewer):
     show(viewer, 1, key=True)
-    viewer._climb.paused = True
+    viewer._adapter.paused = True
     for rtp in (2, 3):
         show(viewer, rtp)
-    viewer._climb.paused = False
+    viewer._adapter.paused = False
     for rtp in (4, 5):
         show(viewer, rtp)
     assert viewer._camera.asked == [0]
@@ -52,23 +52,23 @@ def test_after_a_pause_pictures_go_on_with_a_key_frame_that_was_asked_for_once(v
 
 def test_a_pause_before_a_lower_rung_ends_on_that_rung_and_shows_no_more_of_the_old_one(viewer):
     show(viewer, 1, key=True)
-    viewer._climb.rung, viewer._climb.paused = 1, True
+    viewer._adapter.layer, viewer._adapter.paused = 1, True
     viewer._move()
-    show(viewer, 2, rung=1, key=True)  # comes too early
-    viewer._climb.paused = False
+    show(viewer, 2, layer=1, key=True)  # comes too early
+    viewer._adapter.paused = False
     show(viewer, 3)
-    show(viewer, 3, rung=1)
+    show(viewer, 3, layer=1)
     assert viewer._camera.asked == [1, 1], "with the step, and after the pause"
     show(viewer, 4, key=True)  # of the old rung
-    show(viewer, 5, rung=1, key=True)
-    show(viewer, 6, rung=1)
+    show(viewer, 5, layer=1, key=True)
+    show(viewer, 6, layer=1)
     assert viewer.sent == [(0, 1), (1, 5), (1, 6)]
 
 
 def test_on_a_narrow_network_scans_and_poses_come_seldom_and_nothing_else_does(viewer):
     heard = []
     viewer._page = SimpleNamespace(send=heard.append)
-    viewer._rung = 3
+    viewer._layer = 3
     for _ in range(5):
         for suffix in ("scan", "pose", "state", "event"):
             viewer.send(suffix, f"{suffix}\n{{}}")

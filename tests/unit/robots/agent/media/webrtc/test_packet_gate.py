@@ -2,7 +2,7 @@
 
 import pytest
 
-from robots.agent.media.webrtc.packet_gate import MAX_BYTES, FrameGate
+from robots.agent.media.webrtc.packet_gate import MAX_BYTES, PacketGate
 from robots.api.codec import encode_frame
 from robots.api.errors import Rejection
 from robots.api.messages import Cancel, CommandHeartbeat, EStop, PointCommand, Stop, VelocityCommand
@@ -17,7 +17,7 @@ EVERY_KIND = [VELOCITY, STOP, CANCEL, BEAT, POINT, "nonsense"]
 
 
 def test_a_driving_page_passes_and_its_frames_are_read() -> None:
-    gate = FrameGate()
+    gate = PacketGate()
     assert all(isinstance(gate.take(VELOCITY, n / 50), VelocityCommand) for n in range(1000))
     assert isinstance(gate.take(BEAT.encode(), 20.0), CommandHeartbeat)
     assert gate.counts == {"accepted": 1001}
@@ -25,7 +25,7 @@ def test_a_driving_page_passes_and_its_frames_are_read() -> None:
 
 @pytest.mark.parametrize("frame", EVERY_KIND)
 def test_a_flood_of_any_kind_is_cut_to_its_rate_and_leaves_the_others_theirs(frame: str) -> None:
-    gate = FrameGate()
+    gate = PacketGate()
     passed = [gate.take(frame, n / 10_000) for n in range(20_000)]
     assert sum(each is not None for each in passed) <= 300
     assert gate.counts["too_fast"] == passed.count(None)
@@ -33,7 +33,7 @@ def test_a_flood_of_any_kind_is_cut_to_its_rate_and_leaves_the_others_theirs(fra
 
 
 def test_who_writes_stop_into_something_else_is_not_taken_for_a_stop() -> None:
-    gate = FrameGate()
+    gate = PacketGate()
     noted = VELOCITY.replace("{", '{"note":"stop estop",', 1)
     assert sum(gate.take(noted, 0.0) is not None for _ in range(10_000)) == 100
     assert isinstance(gate.take(STOP, 0.0), Stop)
@@ -41,14 +41,14 @@ def test_who_writes_stop_into_something_else_is_not_taken_for_a_stop() -> None:
 
 
 def test_an_oversized_frame_is_dropped_whatever_it_says() -> None:
-    gate = FrameGate()
+    gate = PacketGate()
     assert gate.take("stop" * MAX_BYTES, 0.0) is None
     assert gate.take(b"x" * (MAX_BYTES + 1), 0.0) is None
     assert gate.counts == {"oversized": 2}
 
 
 def test_only_commands_may_come_this_way() -> None:
-    gate = FrameGate()
+    gate = PacketGate()
     reasons = []
     for frame in (
         'lease\n{"session":"s1","epoch":1,"peer":"p1","who":"Eve","renewal":1,"stamp":1.0}',
@@ -63,7 +63,7 @@ def test_only_commands_may_come_this_way() -> None:
 
 
 def test_ten_seconds_of_a_flood_are_one_and_a_page_that_is_twice_too_fast_is_none() -> None:
-    gate = FrameGate()
+    gate = PacketGate()
     for n in range(2000):
         gate.take(STOP, n / 100)
     assert not gate.floods

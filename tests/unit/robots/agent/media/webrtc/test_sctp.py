@@ -18,7 +18,7 @@ def transport(monkeypatch):
         association._forward_tsn_chunk = "step over" if association.open else None
 
     association._update_advanced_peer_ack_point = update
-    sctp.calm(association)
+    sctp.limit_forward_tsn(association)
     return association
 
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from robots.agent.navigation.obstacles.dynamic import HOLD, NEAR, Passers
+from robots.agent.navigation.obstacles.dynamic import HOLD, NEAR, LostObstacles
 from robots.api.geometry import Pose2D
 from robots.world.sensing import LaserScan
 
@@ -16,22 +16,22 @@ def half_round(mount: Pose2D = Pose2D(0.15, 0.0, 0.0)) -> LaserScan:  # noqa: B0
 
 
 def test_who_is_in_sight_is_not_remembered_and_who_has_passed_is() -> None:
-    passers = Passers()
-    passers.take(0.0, HERE, np.array([[0.4, 0.5]]))
-    assert len(passers.out_of_sight(0.1, HERE, half_round())) == 0
+    lost_obstacles = LostObstacles()
+    lost_obstacles.take(0.0, HERE, np.array([[0.4, 0.5]]))
+    assert len(lost_obstacles.out_of_sight(0.1, HERE, half_round())) == 0
     ahead = HERE.compose(Pose2D(0.5, 0.0, 0.0))
-    assert np.allclose(passers.out_of_sight(1.0, ahead, half_round()), [[-0.1, 0.5]])
+    assert np.allclose(lost_obstacles.out_of_sight(1.0, ahead, half_round()), [[-0.1, 0.5]])
 
 
 def test_somebody_who_has_passed_is_forgotten_after_a_while_and_who_was_far_off_at_once() -> None:
-    passers = Passers()
-    passers.take(0.0, HERE, np.array([[0.1, 0.5], [-0.1, NEAR + 0.1]]))
-    assert len(passers.out_of_sight(HOLD - 0.1, HERE, half_round())) == 1
-    assert len(passers.out_of_sight(HOLD + 0.1, HERE, half_round())) == 0
+    lost_obstacles = LostObstacles()
+    lost_obstacles.take(0.0, HERE, np.array([[0.1, 0.5], [-0.1, NEAR + 0.1]]))
+    assert len(lost_obstacles.out_of_sight(HOLD - 0.1, HERE, half_round())) == 1
+    assert len(lost_obstacles.out_of_sight(HOLD + 0.1, HERE, half_round())) == 0
 
 
 def test_a_laser_that_sees_all_round_has_no_place_to_hide() -> None:
     round_about = LaserScan(0.0, -math.pi, math.tau / 360.0, 10.0, np.full(361, 5.0))
-    passers = Passers()
-    passers.take(0.0, HERE, np.array([[-0.5, 0.1], [-0.5, -0.1]]))
-    assert len(passers.out_of_sight(0.1, HERE, round_about)) == 0
+    lost_obstacles = LostObstacles()
+    lost_obstacles.take(0.0, HERE, np.array([[-0.5, 0.1], [-0.5, -0.1]]))
+    assert len(lost_obstacles.out_of_sight(0.1, HERE, round_about)) == 0

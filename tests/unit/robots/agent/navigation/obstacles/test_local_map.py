@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robots.agent.navigation.obstacles.doors import MEMORY, DoorWatch
-from robots.agent.navigation.obstacles.local_map import AT_LONGEST, SETTLED, Surroundings
+from robots.agent.navigation.obstacles.local_map import AT_LONGEST, SETTLED, LocalObstacleMap
 from robots.agent.navigation.planning.costmap import CostMap
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.agent.simulator.profiles import GIRAFF
@@ -30,32 +30,32 @@ def with_thing(beams: LaserScan, bearing: float, distance: float) -> LaserScan:
     return LaserScan(beams.stamp, beams.angle_min, beams.angle_increment, beams.range_max, ranges, beams.mount)
 
 
-def giraff(start: str = "lab-centre", **doors: str) -> tuple[Simulation, Surroundings]:
+def giraff(start: str = "lab-centre", **doors: str) -> tuple[Simulation, LocalObstacleMap]:
     sim = Simulation(GIRAFF, SITE.plan, seed=1, start=start)
     sim.set_doors({name.replace("_", "-"): state for name, state in doors.items()})
-    return sim, Surroundings(CostMap(SITE.grid, sim.footprint), SITE.plan)
+    return sim, LocalObstacleMap(CostMap(SITE.grid, sim.footprint), SITE.plan)
 
 
-def thing_at(surroundings: Surroundings, pose: Pose2D, distance: float, now: float) -> bool:
+def thing_at(obstacle_map: LocalObstacleMap, pose: Pose2D, distance: float, now: float) -> bool:
     """Tell whether something is marked straight ahead, within 10 cm."""
     x, y = pose.apply(GIRAFF.laser.x + distance, 0.0)
-    row, column = surroundings.costmap.transform.to_cell(x, y)
-    return bool(surroundings.live(now)[row - 2 : row + 3, column - 2 : column + 3].any())
+    row, column = obstacle_map.costmap.transform.to_cell(x, y)
+    return bool(obstacle_map.live(now)[row - 2 : row + 3, column - 2 : column + 3].any())
 
 
 def test_what_is_on_the_map_is_not_marked() -> None:
-    sim, surroundings = giraff("corridor-centre")
-    surroundings.look(sim.pose, sweep(sim), 0.0)
-    assert not thing_at(surroundings, sim.pose, 1.0, 0.0)
-    assert surroundings.live(0.0).sum() < 5
+    sim, obstacle_map = giraff("corridor-centre")
+    obstacle_map.look(sim.pose, sweep(sim), 0.0)
+    assert not thing_at(obstacle_map, sim.pose, 1.0, 0.0)
+    assert obstacle_map.live(0.0).sum() < 5
 
 
 def test_a_thing_is_marked_and_free_again_when_the_laser_looks_through() -> None:
-    sim, surroundings = giraff()
-    surroundings.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0), 0.0)
-    assert thing_at(surroundings, sim.pose, 1.0, 0.0)
-    surroundings.look(sim.pose, sweep(sim), 0.1)
-    assert not thing_at(surroundings, sim.pose, 1.0, 0.1)
+    sim, obstacle_map = giraff()
+    obstacle_map.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0), 0.0)
+    assert thing_at(obstacle_map, sim.pose, 1.0, 0.0)
+    obstacle_map.look(sim.pose, sweep(sim), 0.1)
+    assert not thing_at(obstacle_map, sim.pose, 1.0, 0.1)
 
 
 def test_out_of_sight_who_passed_is_forgotten_soon_and_what_stood_there_later() -> None:
@@ -70,61 +70,61 @@ def test_out_of_sight_who_passed_is_forgotten_soon_and_what_stood_there_later() 
 
 
 def test_what_has_stood_for_long_is_settled_and_what_moves_is_not() -> None:
-    sim, surroundings = giraff()
+    sim, obstacle_map = giraff()
     point = np.array([[GIRAFF.laser.x + 1.0, 0.0]])
     elsewhere = np.array([[GIRAFF.laser.x + 1.0, 0.5]])
     for step in range(round(SETTLED * 10) + 5):
         now = step / 10.0
-        surroundings.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0), now)
+        obstacle_map.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0), now)
         if now < SETTLED - 0.5:
-            assert not surroundings.settled(sim.pose, point, now).any()
-    assert surroundings.settled(sim.pose, point, now).all()
-    assert not surroundings.settled(sim.pose, elsewhere, now).any()
-    assert surroundings.strange(sim.pose, np.vstack([point, elsewhere]), now).all()
+            assert not obstacle_map.settled(sim.pose, point, now).any()
+    assert obstacle_map.settled(sim.pose, point, now).all()
+    assert not obstacle_map.settled(sim.pose, elsewhere, now).any()
+    assert obstacle_map.strange(sim.pose, np.vstack([point, elsewhere]), now).all()
 
 
 def test_the_leaf_of_an_open_door_is_no_stranger() -> None:
-    sim, surroundings = giraff(BEFORE_DOOR)
+    sim, obstacle_map = giraff(BEFORE_DOOR)
     beams = sweep(sim)
-    surroundings.look(sim.pose, beams, 0.0)
-    assert not surroundings.strange(sim.pose, beams.points(), 0.0).any()
+    obstacle_map.look(sim.pose, beams, 0.0)
+    assert not obstacle_map.strange(sim.pose, beams.points(), 0.0).any()
 
 
 @pytest.mark.parametrize("start", [BEFORE_DOOR, "3.2,4.6,-2.2", "2.0,1.0,1.5708", "1.0,0.9,0.9"])
 def test_a_closed_door_is_seen_from_either_side_and_an_open_one_is_not(start: str) -> None:
-    closed, surroundings = giraff(start, lab_door="closed")
-    surroundings.look(closed.pose, sweep(closed), 0.0)
-    assert [door.name for door in surroundings.doors.closed(0.0)] == ["lab-door"]
+    closed, obstacle_map = giraff(start, lab_door="closed")
+    obstacle_map.look(closed.pose, sweep(closed), 0.0)
+    assert [door.name for door in obstacle_map.doors.closed(0.0)] == ["lab-door"]
     opened, others = giraff(start)
     others.look(opened.pose, sweep(opened), 0.0)
     assert others.doors.closed(0.0) == ()
 
 
 def test_a_door_that_was_seen_closed_counts_as_closed_until_it_is_seen_open_or_long_ago() -> None:
-    sim, surroundings = giraff(BEFORE_DOOR, lab_door="closed")
-    surroundings.look(sim.pose, sweep(sim), 0.0)
+    sim, obstacle_map = giraff(BEFORE_DOOR, lab_door="closed")
+    obstacle_map.look(sim.pose, sweep(sim), 0.0)
     away = Simulation(GIRAFF, SITE.plan, seed=1, start="lounge-centre")
-    surroundings.look(away.pose, sweep(away, 5.0), 5.0)
-    assert len(surroundings.doors.closed(5.0)) == 1
-    assert len(surroundings.doors.closed(MEMORY + 1.0)) == 0
+    obstacle_map.look(away.pose, sweep(away, 5.0), 5.0)
+    assert len(obstacle_map.doors.closed(5.0)) == 1
+    assert len(obstacle_map.doors.closed(MEMORY + 1.0)) == 0
     opened, _ = giraff(BEFORE_DOOR)
-    surroundings.look(opened.pose, sweep(opened, 6.0), 6.0)
-    assert surroundings.doors.closed(6.0) == ()
+    obstacle_map.look(opened.pose, sweep(opened, 6.0), 6.0)
+    assert obstacle_map.doors.closed(6.0) == ()
 
 
 def test_somebody_in_the_doorway_is_no_closed_door() -> None:
-    sim, surroundings = giraff(BEFORE_DOOR)
-    surroundings.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0), 0.0)
-    assert surroundings.doors.closed(0.0) == ()
+    sim, obstacle_map = giraff(BEFORE_DOOR)
+    obstacle_map.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0), 0.0)
+    assert obstacle_map.doors.closed(0.0) == ()
 
 
 def test_a_sweep_in_which_nothing_came_back_clears_nothing() -> None:
-    sim, surroundings = giraff()
-    surroundings.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0), 0.0)
+    sim, obstacle_map = giraff()
+    obstacle_map.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0), 0.0)
     seen = sweep(sim, 0.1)
     blind = LaserScan(0.1, seen.angle_min, seen.angle_increment, seen.range_max, np.full(len(seen.ranges), math.nan), seen.mount)
-    surroundings.look(sim.pose, blind, 0.1)
-    assert thing_at(surroundings, sim.pose, 1.0, 0.1)
+    obstacle_map.look(sim.pose, blind, 0.1)
+    assert thing_at(obstacle_map, sim.pose, 1.0, 0.1)
 
 
 def test_without_a_plan_there_are_no_doors() -> None:

@@ -257,7 +257,7 @@ def test_a_door_that_somebody_set_moves_no_more_by_itself() -> None:
 
 def somebody(sim: Simulation, ahead: float, *, path: bool) -> None:
     """Put the only person `ahead` metres before the robot's middle, to stand there or on the way to the robot and beyond."""
-    walker = sim._crowd._walkers[0]
+    walker = sim._pedestrians._walkers[0]
     walker.x, walker.y = sim.pose.apply(ahead, 0.0)
     walker.path, walker.stay = ([sim.pose.apply(-3.0, 0.0)], 0.0) if path else ([], 1e6)
     walker.heading, walker.patience = sim.pose.theta + math.pi, 100.0
@@ -300,7 +300,7 @@ def test_a_robot_that_goes_on_pushing_against_somebody_counts_in_the_end() -> No
 
 def test_a_door_does_not_close_on_somebody() -> None:
     sim = giraff(people=1)
-    walker = sim._crowd._walkers[0]
+    walker = sim._pedestrians._walkers[0]
     walker.x, walker.y, walker.path, walker.stay = 2.0, 2.08, [], 1e6
     sim.step(0.02)
     sim.set_doors({"lab-door": "closed"})
@@ -315,7 +315,7 @@ def test_a_door_does_not_close_on_somebody() -> None:
 def test_a_robot_that_somebody_has_walked_into_can_drive_away_from_them(bearing: float) -> None:
     sim = giraff("2.0,1.0,0", people=1)
     away = math.copysign(0.2, math.cos(bearing))
-    walker = sim._crowd._walkers[0]
+    walker = sim._pedestrians._walkers[0]
     walker.x, walker.y = sim.pose.apply(0.8 * math.cos(bearing), 0.8 * math.sin(bearing))
     walker.path, walker.stay, walker.patience = [(sim.pose.x, sim.pose.y)], 0.0, 1e6
     for _ in range(150):
@@ -340,7 +340,7 @@ def test_the_laser_sees_the_legs_of_somebody_before_it() -> None:
 def test_people_who_look_on_change_no_drive() -> None:
     def ends(people: int) -> Pose2D:
         sim = giraff("corridor-centre", people=people)
-        for walker in sim._crowd._walkers if people else ():
+        for walker in sim._pedestrians._walkers if people else ():
             walker.x, walker.y, walker.path, walker.stay = 9.4, 4.9, [], 1e6
         drive(sim, 0.3, 0.1, 4.0)
         return sim.pose

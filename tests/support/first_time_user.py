@@ -163,7 +163,7 @@ def pose_on(seen: dict[str, Any]) -> Pose2D:
 
 
 @dataclass
-class Newcomer:
+class FirstTimeUser:
     """One person on a drive page."""
 
     page: Page
@@ -175,7 +175,7 @@ class Newcomer:
         study: dict[str, Any] = json.loads(self.page.locator("#config").text_content() or "{}")["study"]
         plan, _ = load_plan("office")
         guide = Guide.of(study, plan, "giraff")
-        mind, step = Mind(Driver(plan, guide, Speed(0.6, 0.6))), "Normal"
+        node, step = Mind(Driver(plan, guide, Speed(0.6, 0.6))), "Normal"
         deadline = time.monotonic() + patient(within)
         while time.monotonic() < deadline:
             view, bumped = self.look(guide)
@@ -183,7 +183,7 @@ class Newcomer:
                 self.said.append(view.task.cue)
             if view.task.cue in OVER:
                 break
-            intent, wanted = mind.decide(view, time.monotonic(), bumped=bumped)
+            intent, wanted = node.decide(view, time.monotonic(), bumped=bumped)
             if wanted != step:
                 self.hands.let_go()
                 self.press(self.page.get_by_role("button", name=wanted, exact=True))

@@ -10,7 +10,7 @@ KEPT = 60  # odometry readings
 
 
 @dataclass
-class Whereabouts:
+class PoseBuffer:
     """Odometry readings with their times, and where their frame lies on the map. All times are of one clock, in seconds."""
 
     _readings: deque[tuple[float, Pose2D]] = field(default_factory=lambda: deque(maxlen=KEPT))

@@ -15,7 +15,7 @@ AROUND = 0.1  # s before and after that count as well
 KEPT = 60.0
 
 
-class Lateness:
+class HostJitter:
     """Times are those of `time.time`."""
 
     def __init__(self) -> None:
@@ -43,12 +43,12 @@ def pauses(stamps: Iterable[float], usual: float) -> float:
 
 
 @contextlib.contextmanager
-def watched() -> Iterator[Lateness]:
+def watched() -> Iterator[HostJitter]:
     """Watch the computer."""
-    lateness = Lateness()
-    lateness._thread.start()
+    jitter = HostJitter()
+    jitter._thread.start()
     try:
-        yield lateness
+        yield jitter
     finally:
-        lateness._over.set()
-        lateness._thread.join()
+        jitter._over.set()
+        jitter._thread.join()

@@ -1,6 +1,6 @@
 """A process with a site's settings that runs Python for a test. Django is set up once there, not for every question (2 s of processor each).
 
-`python -m tests.support.clerk` reads one JSON string of code a line, runs it, and answers {"said": what it printed, "error": traceback or ""}.
+`python -m tests.support.django_shell` reads one JSON string of code a line, runs it, and answers {"said": what it printed, "error": traceback or ""}.
 """
 
 import contextlib
@@ -17,7 +17,7 @@ class DjangoShell:
 
     def __init__(self, root: Path, environment: dict[str, str]) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "tests.support.clerk"], cwd=root, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            [sys.executable, "-m", "tests.support.django_shell"], cwd=root, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
 
     def ask(self, code: str) -> str:

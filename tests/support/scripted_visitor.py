@@ -16,12 +16,12 @@ from playwright.sync_api import CDPSession, Page
 from experiments.bots.driver import Driver, Guide
 from experiments.bots.steering import Speed
 from experiments.bots.view import View
-from experiments.bots.ways import Ways
+from experiments.bots.ways import RouteGrid
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Camera, Point
 from sessions import protocol
-from tests.support.newcomer import BACK, FULL, LOOK, Hands, Mind, pose_on, push
+from tests.support.first_time_user import BACK, FULL, LOOK, Hands, Mind, pose_on, push
 from tests.support.patience import patient
 
 STOPS: tuple[Point, ...] = ((3.0, 5.2), (5.0, 1.0), (10.0, 3.3), (7.6, 6.2), (10.0, 3.3), (5.0, 1.0), (3.0, 5.2))  # of the office
@@ -185,12 +185,12 @@ class Tour:
     def steer(self, hands: Hands, within: float) -> float:
         """Visit the stops with hands that steer, and return the seconds that it took."""
         guide = Guide.of({}, self.plan, "giraff")
-        mind, step = Mind(Driver(self.plan, guide, Speed(0.6, 0.6))), "Normal"
+        node, step = Mind(Driver(self.plan, guide, Speed(0.6, 0.6))), "Normal"
         began = time.monotonic()
         for number, (x, y) in enumerate(self.stops, 1):
             task = protocol.Task(session="seen", stamp=0.0, cue="go_to_checkpoint", number=number, x=x, y=y)
             while math.dist((x, y), (pose := self._pose(began + patient(within)))[:2]) > NEAR:
-                intent, wanted = mind.decide(View(pose=pose, localized=True, task=task), time.monotonic())
+                intent, wanted = node.decide(View(pose=pose, localized=True, task=task), time.monotonic())
                 if wanted != step:
                     hands.let_go()
                     self.page.get_by_role("button", name=wanted, exact=True).click()
@@ -202,7 +202,7 @@ class Tour:
 
     def point(self, hand: Pointer, camera: Camera, tilt: float, within: float) -> float:
         """Visit the stops by pressing on the picture, and return the seconds that it took."""
-        began, ways, pressed, since = time.monotonic(), Ways(self.plan), None, -math.inf
+        began, ways, pressed, since = time.monotonic(), RouteGrid(self.plan), None, -math.inf
         until = began + patient(within)
         self.page.locator("#offer-main").click()
         before = self._pose(until)
