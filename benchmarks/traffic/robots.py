@@ -19,7 +19,7 @@ from typing import Any
 from benchmarks.traffic import worker
 from benchmarks.traffic.every import Timers
 from benchmarks.traffic.mqtt_line import MqttLine, hello
-from robots.agent.broker_link.outbox import OutboundMessage, Outbox, letter
+from robots.agent.broker_link.outbox import OutboundMessage, Outbox, outbound
 from robots.agent.safety.lease import LeaseKeeper
 from robots.api import codec, topics
 from robots.api import messages as m
@@ -118,7 +118,7 @@ class LightRobot:
         self._flush()
 
     def _put(self, suffix: str, payload: bytes) -> None:
-        self._outbox.put(letter(suffix, payload), connected=self.online)
+        self._outbox.put(outbound(suffix, payload), connected=self.online)
         self._flush()
 
     def _flush(self) -> None:

@@ -77,7 +77,7 @@ def _of_this_process() -> Iterator[Metric]:
     yield _gauge("broker_connected", "Whether this web process reaches the broker.", float(bridge.connected))
     yield _gauge("disk_free_bytes", "Room on the disk of VAR_DIR.", float(DiskSpace(settings.VAR_DIR, settings.DISK_LOW_MB).free()))
     yield _counter("bridge", "Messages between broker and pages by what became of them.", "what", dict(bridge.counts))
-    yield _gauges("pages", "Open drive pages by what they do.", "standing", dict(peers.standings()))
+    yield _gauges("pages", "Open drive pages by what they do.", "standing", dict(peers.counts_by_role()))
     yield _counter("refused_frames", "What pages said and may not say, by reason.", "reason", dict(peers.refusals()))
 
 

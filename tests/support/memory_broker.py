@@ -5,7 +5,7 @@ The agent's end lives on its control loop, the test's wherever the test is: mess
 
 import asyncio
 
-from robots.agent.broker_link.outbox import Outbox, letter
+from robots.agent.broker_link.outbox import Outbox, outbound
 from robots.api import codec
 from tests.support.virtual_time import RealTime
 
@@ -24,7 +24,7 @@ class MemoryLink:
     # --- the agent's side ----------------------------------------------------------------------------------------------
 
     def publish(self, suffix, payload):
-        self.outbox.put(letter(suffix, payload), connected=self.connected)
+        self.outbox.put(outbound(suffix, payload), connected=self.connected)
         self._flush()
 
     async def run(self, inbox):
